@@ -147,9 +147,11 @@ def _located(
     ahead_m, variance = by_width.ahead_m, (share * by_width.ahead_m) ** 2
     foot = perspective.locate_on_road((left + right) / 2, bottom) if has_foot else None
     if foot is not None:
-        # The ray descends by height / distance: an error of that slope counts distance times.
+        # The ray descends by height / distance: an error of that slope counts distance times, by
+        # the greater distance, or a pitch that brings a far vehicle near would make it look sure.
         slope_sigma = math.hypot(PITCH_SIGMA_RAD, edge_sigma_px / perspective.width_px(1.0, 1.0))
-        foot_sigma_m = slope_sigma * foot.ahead_m**2 / perspective.mounting_height_m
+        distance_m = max(foot.ahead_m, ahead_m)
+        foot_sigma_m = slope_sigma * distance_m**2 / perspective.mounting_height_m
         weight = variance / (variance + foot_sigma_m**2)
         ahead_m += weight * (foot.ahead_m - ahead_m)
         variance *= 1.0 - weight

@@ -1,6 +1,6 @@
 """Distance of vehicles by the shipped detector: by width, ground contact, and both."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -102,6 +102,18 @@ def test_gaps_to_rears_that_fill_the_image_are_as_uncertain_as_they_are_wrong(
         largest = max(found, key=lambda each: each.box.w_px)
         in_sigmas.append((largest.position.ahead_m - ahead_m) / largest.ahead_sigma_m)
     assert np.mean(np.square(in_sigmas)) < 2.5
+
+
+@pytest.mark.parametrize("pitch_rad", [0.02, 0.04])
+def test_a_camera_that_is_pitched_otherwise_does_not_bring_a_far_vehicle_near(
+    pitch_rad: float,
+) -> None:
+    """The lower edge alone would say 39 and 26 m."""
+    far = _vehicle(100.0)
+    lower = replace(far.box, y_px=far.box.y_px + pitch_rad * CAMERA.focal_y_px)
+    found = _detected(replace(far, box=lower))
+    assert found.position.ahead_m > 80.0
+    assert abs(found.position.ahead_m - 100.0) < 2.0 * found.ahead_sigma_m
 
 
 def test_what_is_below_the_image_is_no_ground_contact() -> None:
