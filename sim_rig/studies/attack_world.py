@@ -51,6 +51,11 @@ def placed(east_m: float, north_m: float) -> tuple[float, float]:
     return latitude_deg, ORIGIN.longitude_deg + east_m / (metres_per_degree * slant)
 
 
+def claimed_id(alarm: Alarm) -> str:
+    """Return the temporary ID of the vehicle that an alarm is about, also if others use it."""
+    return alarm.vehicle[:8]
+
+
 class Signer:
     """A radio with a certificate, whose BSMs may be true or not."""
 
@@ -183,7 +188,7 @@ class AttackedHost:
         active: set[tuple[Cause, str]] = set()
         total_s = before_s = 0.0
         for event in self.events:
-            if not isinstance(event, Alarm) or event.vehicle in true:
+            if not isinstance(event, Alarm) or claimed_id(event) in true:
                 continue
             total_s += event.stamp_s - before_s if active else 0.0
             before_s, key = event.stamp_s, (event.cause, event.vehicle)

@@ -14,6 +14,7 @@ from tests.security.trial import ALICE, CAROL, DAVE, UTC_S
 
 ATTACK_S = 45.0
 FACE_TO_CENTRE_M = 2.2
+INVENTIONS = sorted(set(CLAIMS) - {AttackKind.SAME_ID})
 
 
 def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) -> AttackedHost:
@@ -22,7 +23,7 @@ def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) 
     return host
 
 
-@pytest.mark.parametrize("attack", AttackKind)
+@pytest.mark.parametrize("attack", INVENTIONS)
 def test_one_insider_raises_three_false_alarms_at_most(attack: AttackKind) -> None:
     host = attacked(attack)
     assert 1 <= len(host.raised()) <= MOST_ALARMS
@@ -30,7 +31,7 @@ def test_one_insider_raises_three_false_alarms_at_most(attack: AttackKind) -> No
     assert len(host.ignored()) == 1
 
 
-@pytest.mark.parametrize("attack", AttackKind)
+@pytest.mark.parametrize("attack", INVENTIONS)
 def test_without_checks_these_attacks_raise_more(attack: AttackKind) -> None:
     host = attacked(attack, checks=False)
     assert len(host.raised()) > MOST_ALARMS or host.alarmed_s() > 0.9 * ATTACK_S
