@@ -100,8 +100,14 @@ def replay(
     clip: Annotated[
         str | None, typer.Option(help="The camera's video, or a folder or glob of images.")
     ] = None,
-    nmea: Annotated[
-        Path | None, typer.Option(help="NMEA sentences of a GNSS receiver, as a text file.")
+    gnss: Annotated[
+        Path | None,
+        typer.Option(
+            "--gnss",
+            "--nmea",
+            help="A GNSS receiver's log: NMEA, gpsd's reports (gpspipe -w), or its own binary"
+            " protocol, if gpsdecode is installed.",
+        ),
     ] = None,
     config: Annotated[
         Path | None,
@@ -132,15 +138,15 @@ def replay(
 ) -> None:
     """Replay a recorded drive; print observations and decisions, one JSON object a line.
 
-    Give a black box recording (BOX), or any of --can, --clip and --nmea together. A clip has no
+    Give a black box recording (BOX), or any of --can, --clip and --gnss together. A clip has no
     time of its own: it starts at the first CAN frame, or else at the first fix.
     """
-    if (box or expected) and (can or clip or nmea):
-        raise UserError("give either a recording of the black box, or --can, --clip and --nmea")
+    if (box or expected) and (can or clip or gnss):
+        raise UserError("give either a recording of the black box, or --can, --clip and --gnss")
     if expected and not box:
         raise UserError("--expect needs a recording of the black box")
-    if not (box or can or clip or nmea):
-        raise UserError("nothing to replay: give a recording, or any of --can, --clip and --nmea")
+    if not (box or can or clip or gnss):
+        raise UserError("nothing to replay: give a recording, or any of --can, --clip and --gnss")
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:
@@ -149,7 +155,7 @@ def replay(
             typer.echo(as_line(event))
         return
     car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
-    events = drive.replay(drive.RawRecording(can, clip, fps, nmea), car)
+    events = drive.replay(drive.RawRecording(can, clip, fps, gnss), car)
     for event in drive.in_real_time(events) if realtime else events:
         typer.echo(as_line(event))
 

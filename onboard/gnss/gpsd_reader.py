@@ -39,7 +39,7 @@ _QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
 """GGA quality by TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning)."""
 
 
-_REPORT_START = b'{"class":'
+REPORT_START = b'{"class":'
 """First bytes of every report, gpsd_json(5)."""
 
 
@@ -59,16 +59,22 @@ class GpsdReader:
         self._gst: tuple[float, float] | None = None
         """UTC of the last report of the receiver's accuracy, and sigma."""
         self._last_time: str | None = None
+        self._utc_s = 0.0
+        """UTC of the last position of a recording."""
         self._events: deque[Position | Discarded] = deque()
 
-    def receive_bytes(self, data: bytes, now: float) -> None:
-        """Receive bytes of gpsd, split anywhere."""
+    def receive_bytes(self, data: bytes, now: float | None = None) -> None:
+        """Receive bytes of gpsd, split anywhere.
+
+        Without `now` (a recording without arrival times), stamps are the receiver's UTC, in seconds
+        since 1970.
+        """
         *lines, self._unread = (self._unread + data).split(b"\n")
         if len(self._unread) > MAX_LINE_BYTES:
             self._unread = b""
             self._discard("gpsd_report", "a line without an end", now)
         for line in lines:
-            if not line.startswith(_REPORT_START):  # faster than parsing it as JSON
+            if not line.startswith(REPORT_START):  # faster than parsing it as JSON
                 self._discard("gpsd_report", f"not a report: {line[:80]!r}", now)
                 continue
             try:
@@ -80,7 +86,7 @@ class GpsdReader:
         """The oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _receive_report(self, report: Any, now: float) -> None:
+    def _receive_report(self, report: Any, now: float | None) -> None:
         match report:
             case {"class": "TPV"}:
                 self._receive_tpv(report, now)
@@ -95,7 +101,7 @@ class GpsdReader:
             case _:
                 raise ReportError("not a report")
 
-    def _receive_tpv(self, tpv: dict[str, Any], now: float) -> None:
+    def _receive_tpv(self, tpv: dict[str, Any], now: float | None) -> None:
         latitude_deg = _number(tpv, "lat", -90.0, 90.0)
         longitude_deg = _number(tpv, "lon", -180.0, 180.0)
         mode = _number(tpv, "mode", 0.0, 3.0)
@@ -105,9 +111,15 @@ class GpsdReader:
         if time is not None and time == self._last_time:
             return
         utc_s = None if time is None else _utc_s(time)
+        if now is not None:
+            stamp_s = self._clock.receive_stamp(utc_s, now)
+        elif utc_s is not None:
+            stamp_s = self._utc_s = utc_s
+        else:
+            raise ReportError("a recording needs the time of each fix")
         course_deg = _number(tpv, "track", 0.0, 360.0)
         position = Position(
-            stamp_s=self._clock.receive_stamp(utc_s, now),
+            stamp_s=stamp_s,
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_m=_number(tpv, "altHAE", -1000.0, 100_000.0),
@@ -139,8 +151,9 @@ class GpsdReader:
         quality = _QUALITY_BY_STATUS.get(int(status or 0))
         return sigma_from_hdop_m(self._hdop, quality)
 
-    def _discard(self, reason: str, detail: str, now: float) -> None:
-        self._events.append(Discarded(now, "gnss", reason, detail))
+    def _discard(self, reason: str, detail: str, now: float | None) -> None:
+        stamp_s = now if now is not None else self._utc_s
+        self._events.append(Discarded(stamp_s, "gnss", reason, detail))
 
 
 def _number(report: dict[str, Any], name: str, least: float, most: float) -> float | None:

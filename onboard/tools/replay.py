@@ -1,9 +1,9 @@
-"""Replays CAN logs, video clips and NMEA files through the cores."""
+"""Replays CAN logs, video clips and GNSS logs through the cores."""
 
 import heapq
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from onboard.config import CarConfig
 from onboard.errors import UserError
-from onboard.gnss.nmea import NmeaReader
+from onboard.gnss.gnss_log import read_gnss_log
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
-from onboard.observations import Discarded, Position, Sensor
+from onboard.observations import Discarded, Sensor
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import Input
@@ -40,19 +40,19 @@ class RawRecording:
     """A video, or a folder or glob of images."""
     fps: float | None = None
     """Frame rate in Hz; needed for images, and for videos that state a wrong rate."""
-    nmea: Path | None = None
-    """NMEA sentences of a GNSS receiver."""
+    gnss: Path | None = None
+    """A GNSS receiver's NMEA sentences or binary log, or gpsd's reports."""
 
     def sensors(self) -> frozenset[Sensor]:
         """Return the recorded sensors."""
-        recordings = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.nmea}
+        recordings = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.gnss}
         return frozenset(sensor for sensor, recorded in recordings.items() if recorded is not None)
 
 
 def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     """Yield the observations and decisions of the cores, in order of time.
 
-    CAN frames and NMEA sentences have time stamps. A clip has none: it starts with the first CAN
+    CAN frames and fixes have time stamps. A clip has none: it starts with the first CAN
     frame, else with the first fix, else at 0.
 
     Raises:
@@ -62,7 +62,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        raise UserError("nothing to replay: no readable CAN frame, image or NMEA sentence")
+        raise UserError("nothing to replay: no readable CAN frame, image or fix")
     # No OBD requests: the recording holds the requests of the drive and their responses.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
@@ -101,7 +101,7 @@ def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[_Stamped]:
     """Yield the inputs of all recordings in order of time."""
     stamped = [
         *([_from_can(recording.can)] if recording.can is not None else []),
-        *([_from_nmea(recording.nmea)] if recording.nmea is not None else []),
+        *([_from_gnss(recording.gnss)] if recording.gnss is not None else []),
     ]
     sources: list[Iterator[_Stamped]] = []
     begins_s: list[float] = []
@@ -140,33 +140,6 @@ def _from_clip(
             yield observation.stamp_s, 1, observation
 
 
-def _from_nmea(path: Path) -> Iterator[_Stamped]:
-    """Yield the events of an NMEA file; those before the first fix get its time stamp."""
-    undated: list[Discarded] = []
-    began = False
-    for observation in _read_nmea(path):
-        if isinstance(observation, Discarded) and not began:
-            undated.append(observation)
-            continue
-        stamp_s, began = observation.stamp_s, True
-        while undated:
-            yield stamp_s, 2, replace(undated.pop(0), stamp_s=stamp_s)
-        yield stamp_s, 2, observation
-
-
-def _read_nmea(path: Path) -> Iterator[Position | Discarded]:
-    reader = NmeaReader()
-    try:
-        with path.open("rb") as sentences:
-            for sentence in sentences:
-                reader.receive_bytes(sentence)
-                yield from _events_of(reader)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    reader.receive_end()
-    yield from _events_of(reader)
-
-
-def _events_of(reader: NmeaReader) -> Iterator[Position | Discarded]:
-    while (event := reader.next_event()) is not None:
-        yield event
+def _from_gnss(path: Path) -> Iterator[_Stamped]:
+    for event in read_gnss_log(path):
+        yield event.stamp_s, 2, event

@@ -51,7 +51,7 @@ def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip
 @pytest.mark.realdata
 def test_can_frames_and_positions_are_merged_in_order_of_time(rig_data: Path) -> None:
     recording = RawRecording(
-        can=rig_data / "can" / "drive-a.log", nmea=rig_data / "gnss" / "drive-a.nmea"
+        can=rig_data / "can" / "drive-a.log", gnss=rig_data / "gnss" / "drive-a.nmea"
     )
     kinds: Counter[str] = Counter()
     last_s = 0.0
@@ -72,7 +72,7 @@ def test_an_nmea_log_cut_within_a_sentence_starts_at_its_first_fix(
     log = tmp_path / "cut.nmea"
     log.write_bytes(b"$GPRMC,bad*00\r\n" + b"".join(whole))
 
-    events = list(replay(RawRecording(nmea=log), UNCONFIGURED))
+    events = list(replay(RawRecording(gnss=log), UNCONFIGURED))
 
     assert [event.kind for event in events][:2] == ["discarded", "position"]
     assert events[0].stamp_s == events[1].stamp_s > 1e9
@@ -83,7 +83,7 @@ def test_a_recording_of_a_single_fix_is_replayed(tmp_path: Path) -> None:
     log = tmp_path / "fix.nmea"
     log.write_text("$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A")
 
-    assert [event.kind for event in replay(RawRecording(nmea=log), UNCONFIGURED)] == ["position"]
+    assert [event.kind for event in replay(RawRecording(gnss=log), UNCONFIGURED)] == ["position"]
 
 
 @pytest.mark.realdata
@@ -94,7 +94,7 @@ def test_a_clip_without_a_can_log_starts_at_the_first_fix(rig_data: Path, tmp_pa
     picture = np.random.default_rng(1).integers(0, 255, (180, 320, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "1.png"), picture)
 
-    events = list(replay(RawRecording(clip=str(tmp_path / "1.png"), nmea=log), UNCONFIGURED))
+    events = list(replay(RawRecording(clip=str(tmp_path / "1.png"), gnss=log), UNCONFIGURED))
 
     begins_s = {event.kind: event.stamp_s for event in reversed(events)}
     assert begins_s["lead"] == begins_s["position"]
@@ -104,7 +104,7 @@ def test_a_clip_without_a_can_log_starts_at_the_first_fix(rig_data: Path, tmp_pa
 def test_recordings_with_different_clocks_are_a_user_error(rig_data: Path, tmp_path: Path) -> None:
     bus = tmp_path / "drive.log"
     bus.write_text("(0.000000) can0 7E8#03410D3C00000000\n")
-    recording = RawRecording(can=bus, nmea=rig_data / "gnss" / "drive-a.nmea")
+    recording = RawRecording(can=bus, gnss=rig_data / "gnss" / "drive-a.nmea")
 
     with pytest.raises(
         UserError, match=r"jumps from 0 to \d{10} s: its files must be of one drive"
@@ -136,4 +136,4 @@ def test_a_missing_recording_is_an_error_that_names_it(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"drive\.log"):
         list(replay(RawRecording(can=tmp_path / "drive.log"), UNCONFIGURED))
     with pytest.raises(UserError, match=r"drive\.nmea: cannot be read: No such file"):
-        list(replay(RawRecording(nmea=tmp_path / "drive.nmea"), UNCONFIGURED))
+        list(replay(RawRecording(gnss=tmp_path / "drive.nmea"), UNCONFIGURED))
