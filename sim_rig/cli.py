@@ -165,19 +165,30 @@ def study(
 @app.command()
 def show(
     folder: Annotated[
-        Path, typer.Argument(help="The folder of a study: out/studies/mvs-figure9 or mvs-figure3.")
+        Path,
+        typer.Argument(
+            help="The folder of a scenario's run (out/fig4-virtual), or of the study mvs-figure9 or"
+            " mvs-figure3."
+        ),
     ],
     number: Annotated[
-        int, typer.Argument(min=0, help="The number of the run, as in its runs.jsonl.")
-    ],
+        int | None, typer.Argument(min=0, help="Of a study, the run's number in its runs.jsonl.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("out/run.html"),
 ) -> None:
-    """Write one run of a study as an HTML page: the cars from above, with play, pause and step."""
-    from sim_rig.studies.show import show_run  # noqa: PLC0415 (see above)
-
+    """Write a run as an HTML page: the cars from above, with play, pause and step."""
     with _writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        summary = show_run(folder, number, out)
+        if number is None:
+            from sim_rig.reporting.scenario_from_above import (  # noqa: PLC0415 (see above)
+                show_scenario,
+            )
+
+            summary = show_scenario(folder, out)
+        else:
+            from sim_rig.studies.show import show_run  # noqa: PLC0415 (see above)
+
+            summary = show_run(folder, number, out)
     typer.echo(summary)
     typer.echo(f"  in {out}")
 

@@ -61,7 +61,9 @@ def _events(path: Path) -> Iterator[Position | Discarded]:
         raise GnssLogError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _read(reader: GpsdReader | NmeaReader, lines: Iterator[bytes]) -> Iterator[Position | Discarded]:
+def _read(
+    reader: GpsdReader | NmeaReader, lines: Iterator[bytes]
+) -> Iterator[Position | Discarded]:
     for line in lines:
         reader.receive_bytes(line)
         yield from _taken(reader)

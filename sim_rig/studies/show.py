@@ -1,13 +1,13 @@
-"""Writes one run of a collision study as a self-contained HTML page with an animated map."""
+"""Writes one run of a collision study as a page with the cars from above."""
 
-import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
+from sim_rig.reporting.from_above import Animation, Frame
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
@@ -26,7 +26,6 @@ from sim_rig.studies.mvs_encounter import (
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome
 from sim_rig.studies.mvs_world import MvsWorld
 
-_PAGE = Path(__file__).with_name("show.html")
 _RUN = "sim_rig.studies.mvs_collisions.run_one"
 _PATH_POINT_EVERY_M = 10.0
 
@@ -48,43 +47,8 @@ _OUTCOMES = {
 """What radios change about the crash without radios, in words."""
 
 
-@dataclass(slots=True)
-class _Frame:
-    """All cars at one time."""
-
-    at: float
-    cars: dict[str, list[float]]
-    """Position of the middle, heading, and speed of each car."""
-    disturbed: list[str]
-    """Cars that no longer follow the recorded traffic."""
-    equipped: list[str] | None = None
-    """Cars with a radio; None after the radios are switched off."""
-    sent: list[tuple[str, int]] = field(default_factory=list)
-    """Senders, and the number of entries in their footers."""
-    warned: list[tuple[str, str, bool, str | None, list[float]]] = field(default_factory=list)
-    """Warned car, cause, whether the warning was true when it began, the car that it is about, and
-    the estimated position of that car."""
-    perceived: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
-    """Perceived objects of each car with a radio, with their sources."""
-
-
-@dataclass(slots=True)
-class _Animation:
-    """Data of the page: a frame for each tenth of a second, the last one at the crash, if any."""
-
-    title: str = ""
-    event_s: float = 0.0
-    event_car: str = ""
-    summary: str = ""
-    """The event, and its outcome with radios and without."""
-    crash: Crash | None = None
-    crash_without_radios: Crash | None = None
-    frames_without_radios: list[_Frame] = field(default_factory=list)
-    """The two cars of that crash, as they drive without radios."""
-    sizes: dict[str, tuple[float, float]] = field(default_factory=dict)
-    paths: list[list[list[float]]] = field(default_factory=list)
-    """Path of each car, from the beginning of its trajectory to the end."""
-    frames: list[_Frame] = field(default_factory=list)
+class _StudyAnimation(Animation):
+    """The animation of a run of a collision study, filled tick by tick."""
 
     def add_radio_frame(
         self, world: MvsWorld, traffic: DisturbedTraffic, warned: list[IssuedWarning]
@@ -126,7 +90,7 @@ class _Animation:
             self.sizes[name] = float(cars.length_m[i]), float(cars.width_m[i])
         disturbed = [name for name in cars.names if traffic.is_disturbed(name)]
         driving = dict(zip(cars.names, states.tolist(), strict=True))
-        self.frames.append(_Frame(round(at_s, 3), driving, disturbed))
+        self.frames.append(Frame(round(at_s, 3), driving, disturbed))
 
 
 def _car_at(cars: Cars, position_m: Array) -> str | None:
@@ -191,13 +155,12 @@ def show_run(folder: Path, number: int, page: Path) -> str:
         animation.summary += (
             " THE STUDY'S RESULT DIFFERS: its settings or the program have changed."
         )
-    data = json.dumps(asdict(animation), separators=(",", ":")).replace("<", "\\u003c")
-    page.write_text(_PAGE.read_text("utf-8").replace("/*ANIMATION*/null", data), "utf-8")
+    animation.write(page)
     return f"{animation.title}\n{animation.summary}"
 
 
-def _animation(scene: Encounters, case: EncounterCase, seed: int) -> _Animation:
-    animation, without = _Animation(), _Animation()
+def _animation(scene: Encounters, case: EncounterCase, seed: int) -> _StudyAnimation:
+    animation, without = _StudyAnimation(), _StudyAnimation()
     before = scene.run(replace(case, method=Method.NONE), seed, on_tick=without.add_frame).crash
     outcome = scene.run(case, seed, animation.add_radio_frame, animation.add_frame)
     drives = {drive.name: drive for drive in scene.recording.drives}

@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
+from sim_rig.reporting.scenario_from_above import show_scenario
+from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.schema import load_scenario
 from sim_rig.studies.campaign import Workers, run_campaign
 from sim_rig.studies.mvs_collisions import run_one
 from sim_rig.studies.show import show_run
@@ -109,3 +112,29 @@ def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
     page.mouse.wheel(0, -100)
     page.wait_for_function("before => zoom > before", arg=zoom)
     assert page.evaluate(where, [200, 100]) == pytest.approx(before)
+
+
+def test_a_scenarios_page_follows_its_cars_until_the_map_is_moved(
+    browser: Browser, tmp_path: Path
+) -> None:
+    run_virtual(load_scenario("shared-detection")).write(tmp_path / "run")
+    show_scenario(tmp_path / "run", tmp_path / "run.html")
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((tmp_path / "run.html").as_uri())
+    began = page.evaluate("middle")
+    page.evaluate("go(50)")
+    moved = page.evaluate("middle")
+    assert moved != began
+    assert page.locator("#events button").all_inner_texts() == ["5.6 s v1 warned"]
+    page.mouse.move(500, 400)
+    page.mouse.down()
+    page.mouse.move(520, 400)
+    page.mouse.up()
+    held = page.evaluate("middle")
+    page.evaluate("go(80)")
+    assert page.evaluate("middle") == held
+    assert page.inner_text("#status").startswith("8.0 s; ")
+    assert errors == []
+    page.close()
