@@ -1,6 +1,5 @@
 """One file of a recording: MCAP (mcap.dev), which Foxglove opens, with a JSON schema per topic."""
 
-import base64
 import contextlib
 import fcntl
 import json
@@ -13,6 +12,8 @@ from mcap.writer import CompressionType, Writer
 from pydantic import TypeAdapter
 from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerationError
 
+from onboard.observations import Position
+from onboard.recorder import foxglove
 from onboard.recorder.header import FORMAT, RecordingHeader
 from onboard.recorder.records import CameraImage, RecordedMessage
 from onboard.trace.trace_line import as_json, as_record
@@ -20,21 +21,8 @@ from onboard.trace.trace_line import as_json, as_record
 METADATA: Final = "onboard"
 """Name of the metadata record at the start of each segment."""
 IMAGES: Final = "/camera"
-_IMAGE_SCHEMA = {
-    "title": "foxglove.CompressedImage",
-    "type": "object",
-    "properties": {
-        "timestamp": {
-            "type": "object",
-            "title": "time",
-            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-        },
-        "frame_id": {"type": "string"},
-        "data": {"type": "string", "contentEncoding": "base64"},
-        "format": {"type": "string"},
-    },
-}
-"""Schema of Foxglove, which shows messages of this schema name as images."""
+LOCATIONS: Final = "/location"
+"""Topics for viewers, in Foxglove's schemas; a replay does not read them."""
 
 
 class Segment:
@@ -75,10 +63,22 @@ class Segment:
     def add(self, record: RecordedMessage) -> None:
         """Append a record; after the next `flush` it is on the disk."""
         stamp_ns = round(record.utc_s * 1e9)
-        channel = self._channels.get(record.topic)
+        if isinstance(record.value, CameraImage):
+            image = foxglove.compressed_image(record.value.jpeg, record.utc_s)
+            self._add(record.topic, foxglove.SCHEMAS[foxglove.IMAGE], image, stamp_ns)
+            return
+        self._add(record.topic, schema_of(type(record.value)), as_record(record.value), stamp_ns)
+        if isinstance(record.value, Position):
+            fix = foxglove.location_fix(record.value, record.utc_s)
+            self._add(LOCATIONS, foxglove.SCHEMAS[foxglove.LOCATION], fix, stamp_ns)
+
+    def _add(
+        self, topic: str, schema: dict[str, Any], message: dict[str, Any], stamp_ns: int
+    ) -> None:
+        channel = self._channels.get(topic)
         if channel is None:
-            channel = self._channels[record.topic] = self._new_channel(record)
-        data = as_json(_record(record)).encode()
+            channel = self._channels[topic] = self._new_channel(topic, schema)
+        data = as_json(message).encode()
         self._writer.add_message(channel, stamp_ns, data, publish_time=stamp_ns)
 
     def flush(self) -> None:
@@ -100,31 +100,16 @@ class Segment:
         with contextlib.suppress(OSError):  # buffered data does not fit; the file is closed anyway
             self._file.close()
 
-    def _new_channel(self, record: RecordedMessage) -> int:
-        schema = schema_of(type(record.value))
+    def _new_channel(self, topic: str, schema: dict[str, Any]) -> int:
         schema_id = self._writer.register_schema(
             schema["title"], "jsonschema", json.dumps(schema).encode()
         )
-        return self._writer.register_channel(record.topic, "json", schema_id)
-
-
-def _record(record: RecordedMessage) -> dict[str, Any]:
-    if not isinstance(record.value, CameraImage):
-        return as_record(record.value)
-    seconds, fraction = divmod(record.utc_s, 1.0)
-    return {
-        "timestamp": {"sec": int(seconds), "nsec": int(fraction * 1e9)},
-        "frame_id": "camera",
-        "data": base64.b64encode(record.value.jpeg).decode(),
-        "format": "jpeg",
-    }
+        return self._writer.register_channel(topic, "json", schema_id)
 
 
 @cache
 def schema_of(value_type: type) -> dict[str, Any]:
     """Return the JSON schema of the records of a type."""
-    if value_type is CameraImage:
-        return _IMAGE_SCHEMA
     try:
         schema = TypeAdapter(value_type).json_schema(mode="serialization")
     except (PydanticInvalidForJsonSchema, PydanticSchemaGenerationError):
