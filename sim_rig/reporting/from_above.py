@@ -10,7 +10,7 @@ _PAGE = Path(__file__).with_name("from_above.html")
 
 
 @dataclass(slots=True)
-class Frame:
+class MapFrame:
     """All cars at one time."""
 
     at: float
@@ -41,12 +41,12 @@ class Animation:
     """The event, and its outcome with radios and without."""
     crash: Crash | None = None
     crash_without_radios: Crash | None = None
-    frames_without_radios: list[Frame] = field(default_factory=list)
+    frames_without_radios: list[MapFrame] = field(default_factory=list)
     """The two cars of that crash, as they drive without radios."""
     sizes: dict[str, tuple[float, float]] = field(default_factory=dict)
     paths: list[list[list[float]]] = field(default_factory=list)
     """Path of each car, from the beginning of its trajectory to the end."""
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[MapFrame] = field(default_factory=list)
 
     def write(self, page: Path) -> None:
         """Write the page."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from onboard.errors import UserError
-from sim_rig.reporting.from_above import Animation, Frame
+from sim_rig.reporting.from_above import Animation, MapFrame
 from sim_rig.run_log.ground_truth import match_object, perceived_objects
 from sim_rig.run_log.run_log import Record, RunLog, read_trace
 
@@ -36,13 +36,13 @@ def show_scenario(folder: Path, page: Path) -> str:
 
 def animate(log: RunLog) -> Animation:
     """The animation of a run: true positions, and what each car perceived and warned of."""
-    frames: dict[float, Frame] = {}
+    frames: dict[float, MapFrame] = {}
     sizes: dict[str, tuple[float, float]] = {}
     paths: dict[str, list[list[float]]] = defaultdict(list)
     states = [record for record in log.rig if record["kind"] == "car_state"]
     for record in states:
         at, car = round(log.at_s(record), 1), record["car"]
-        shown = frames.setdefault(at, Frame(at, {}, equipped=sorted(log.traces)))
+        shown = frames.setdefault(at, MapFrame(at, {}, equipped=sorted(log.traces)))
         x, y = round(record["x_m"], 2), round(record["y_m"], 2)
         towards = math.pi / 2 - record["heading_rad"]
         shown.cars[car] = [x, y, round(towards, 3), round(record["speed_m_s"], 2)]
@@ -65,7 +65,7 @@ def animate(log: RunLog) -> Animation:
     )
 
 
-def _add_perceived(frames: dict[float, Frame], log: RunLog, car: str) -> None:
+def _add_perceived(frames: dict[float, MapFrame], log: RunLog, car: str) -> None:
     """Add each list of perceived objects to the frames until the next one."""
     for objects in perceived_objects(log, car, 0.0, math.inf):
         seen = [(each.true_car, each.source) for each in objects if each.true_car is not None]
@@ -75,7 +75,7 @@ def _add_perceived(frames: dict[float, Frame], log: RunLog, car: str) -> None:
                 frame.perceived[car] = seen
 
 
-def _add_warnings(frames: dict[float, Frame], log: RunLog, car: str) -> None:
+def _add_warnings(frames: dict[float, MapFrame], log: RunLog, car: str) -> None:
     """Add the alarms of level warning to the frames in which they are active."""
     active: dict[tuple[str, str], str | None] = {}
     alarms = iter([*log.of(car, "alarm"), None])

@@ -7,7 +7,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
-from sim_rig.reporting.from_above import Animation, Frame
+from sim_rig.reporting.from_above import Animation, MapFrame
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
@@ -90,7 +90,7 @@ class _StudyAnimation(Animation):
             self.sizes[name] = float(cars.length_m[i]), float(cars.width_m[i])
         disturbed = [name for name in cars.names if traffic.is_disturbed(name)]
         driving = dict(zip(cars.names, states.tolist(), strict=True))
-        self.frames.append(Frame(round(at_s, 3), driving, disturbed))
+        self.frames.append(MapFrame(round(at_s, 3), driving, disturbed))
 
 
 def _car_at(cars: Cars, position_m: Array) -> str | None:

@@ -19,7 +19,7 @@ EDGES = frozenset({
     "brake_request/request_outputs.py",
     "cli.py", "daemon.py", "service.py",
     "detector/detector_socket.py",
-    "gnss/gpsd.py",
+    "gnss/gnss_log.py", "gnss/gpsd.py",
     "hmi/access_check.py", "hmi/connection_limiter.py", "hmi/feed.py", "hmi/page_files.py",
     "hmi/page_server.py",
     "obd/can_bus.py", "obd/can_log.py", "obd/dbc_file.py", "obd/socketcand.py",
