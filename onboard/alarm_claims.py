@@ -29,15 +29,22 @@ _MAX_BRAKINGS = 256
 class AlarmClaims:
     """Asks for each alarm that rests on claims whether their signers are credible."""
 
-    def __init__(self, signer_of: Callable[[bytes], bytes | None], *, has_sight: bool) -> None:
+    def __init__(
+        self,
+        signer_of: Callable[[bytes], bytes | None],
+        is_road_side_unit: Callable[[bytes], bool],
+        *,
+        has_sight: bool,
+    ) -> None:
         """Start without claims.
 
         Args:
             signer_of: the signer of a remote vehicle's BSMs, by temporary ID.
+            is_road_side_unit: whether a signer is one.
             has_sight: whether a sensor looks ahead. Without, the host's own slowing down confirms
                 an alarm.
         """
-        self.credibility = SignerCredibility()
+        self.credibility = SignerCredibility(is_road_side_unit)
         self._signer_of = signer_of
         self._has_sight = has_sight
         self._speed_m_s = 0.0

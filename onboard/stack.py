@@ -161,6 +161,7 @@ class Stack:
         if credentials is not None and config.security.check_braking:
             self._claims = AlarmClaims(
                 self._misbehaviour_detector.signer_of,
+                self._security.is_road_side_unit,
                 has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
             )
         self._risk = RiskMonitor(

@@ -7,7 +7,7 @@ come first, the signature last.
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from onboard.psid import BSM
+from onboard.psid import BSM, MAP, SPAT
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -96,6 +96,11 @@ class SecurityServices:
     def has_verified(self, signer_id: bytes) -> bool:
         """Whether a signature by this HashedId8 was valid, among the signers heard last."""
         return signer_id in self._verified_signers
+
+    def is_road_side_unit(self, signer_id: bytes) -> bool:
+        """Whether a received certificate, by its HashedId8, permits MAP or SPAT, and no BSM."""
+        signer = None if self._trust is None else self._trust.find(signer_id)
+        return signer is not None and BSM not in signer.psids and bool({MAP, SPAT} & signer.psids)
 
     # ---- out ------------------------------------------------------------------------------
 

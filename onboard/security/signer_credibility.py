@@ -8,12 +8,13 @@ ignored: it raises none until its charges have decayed (detection by the receive
 103 460; certificates are its names, so a new one begins anew).
 
 One signer so raises at most `MOST_ALARMS` false alarms, together no longer than that many
-`CLAIM_S`, whatever it claims, and then one in 70 minutes.
+`CLAIM_S`, whatever it claims, and then one in 70 minutes. A road-side unit tells many vehicles for
+ever of what they do not see: it may raise `MOST_ALARMS_OF_UNIT`.
 """
 
 import math
 from collections import OrderedDict, deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -23,8 +24,11 @@ from onboard.core import Core
 
 MOST_ALARMS = 3
 """Alarms of one signer that nothing confirms, before it is ignored."""
+MOST_ALARMS_OF_UNIT = 30
+"""Of a road-side unit, whose certificate serves for years at one place: more alarms than its
+crossing raises in a passage. Ours."""
 HALF_LIFE_S = 7200.0
-"""In which charges decay by half: a signer is ignored for 70 minutes."""
+"""In which charges decay by half: a vehicle is ignored for 70 minutes, a unit for 6."""
 CLAIM_S = 10.0
 """Time for which an alarm is paid for, and in which it is confirmed: dangers that an alarm tells of
 are seconds away."""
@@ -41,7 +45,7 @@ _MAX_CLAIMS = 256
 
 @dataclass(frozen=True, slots=True)
 class SignerIgnored:
-    """A signer has raised `MOST_ALARMS` unconfirmed alarms: its claims raise no further one."""
+    """A signer has raised the most unconfirmed alarms that it may: its claims raise no more."""
 
     kind: ClassVar[str] = "signer_ignored"
     stamp_s: float
@@ -86,7 +90,9 @@ class _Claim:
 class SignerCredibility(Core):
     """Charges of the signers, and the claims that they were charged for lately."""
 
-    def __init__(self) -> None:
+    def __init__(self, is_road_side_unit: Callable[[bytes], bool] = lambda _signer: False) -> None:
+        """Start without charges; `is_road_side_unit` tells whether a signer is one."""
+        self._is_road_side_unit = is_road_side_unit
         self._charges: OrderedDict[bytes, _Charges] = OrderedDict()
         self._claims: OrderedDict[tuple[str, str], _Claim] = OrderedDict()
         self._speeds: deque[tuple[float, float]] = deque(maxlen=64)
@@ -96,7 +102,10 @@ class SignerCredibility(Core):
     def is_ignored(self, signer: bytes, now: float) -> bool:
         """Whether it could not pay for an alarm."""
         charges = self._charges.get(signer)
-        return charges is not None and charges.at(now) + 1.0 > MOST_ALARMS
+        if charges is None:
+            return False
+        most = MOST_ALARMS_OF_UNIT if self._is_road_side_unit(signer) else MOST_ALARMS
+        return charges.at(now) + 1.0 > most
 
     def is_paid(self, vehicle: str, now: float) -> bool:
         """Whether an alarm about this vehicle is on."""

@@ -4,12 +4,13 @@ from onboard.security.signer_credibility import (
     CLAIM_S,
     HALF_LIFE_S,
     MOST_ALARMS,
+    MOST_ALARMS_OF_UNIT,
     RELEASE_S,
     SLOWED_M_S,
     SignerCredibility,
 )
 
-LIAR, OTHER = b"liar....", b"other..."
+LIAR, OTHER, UNIT = b"liar....", b"other...", b"unit...."
 HOUR_S = 3600.0
 
 
@@ -17,7 +18,7 @@ class Host:
     """Asks at 10 Hz."""
 
     def __init__(self) -> None:
-        self.credibility = SignerCredibility()
+        self.credibility = SignerCredibility(lambda signer: signer == UNIT)
         self.now = 0.0
 
     def claim(
@@ -46,6 +47,13 @@ def test_the_fourth_unconfirmed_alarm_is_refused_for_an_hour() -> None:
     assert [host.claim(name) for name in "abcd"] == [1, 1, 1, 0]
     host.pause(HOUR_S)
     assert host.claim("e") == 0
+
+
+def test_a_road_side_unit_that_lies_is_ignored_later() -> None:
+    host = Host()
+    permitted = [host.claim(str(number), UNIT) for number in range(MOST_ALARMS_OF_UNIT + 3)]
+    assert sum(permitted) == MOST_ALARMS_OF_UNIT
+    assert permitted[-3:] == [0, 0, 0]
 
 
 def test_charges_decay() -> None:
