@@ -13,7 +13,7 @@ from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.expected_stop import RedLight, is_expected_to_stop
 from onboard.risk.host_braking import HostBraking
-from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
+from onboard.risk.left_turn import has_known_turn, left_turn_crossing, left_turn_radius_m
 from onboard.risk.mean_collision_probability import (
     MAX_ACCELERATION_M_S2,
     DrivenVehicle,
@@ -146,6 +146,8 @@ class IntersectionMovementAssist:
         return {cause: assessed}, invalid
 
     def _left_turn_radius_m(self, each: PerceivedObject, *, signals: bool) -> float | None:
+        if not has_known_turn(each):  # most of many objects end here
+            return None
         lateral_m_s2 = self._motions[each.name].lateral_m_s2
         return left_turn_radius_m(each, lateral_m_s2, signals=signals)
 

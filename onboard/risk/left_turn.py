@@ -31,6 +31,14 @@ PAST_RAD = 0.6
 """A vehicle that has turned past the other's path by less may still be in its way."""
 
 
+def has_known_turn(vehicle: PerceivedObject) -> bool:
+    """Whether a turn can be told from its velocities: whether it reports them itself.
+
+    The noise of a track's velocities looks like turns, also of vehicles that drive side by side.
+    """
+    return vehicle.source in _REPORTED
+
+
 def left_turn_radius_m(
     vehicle: PerceivedObject, lateral_m_s2: float | None, *, signals: bool = False
 ) -> float | None:
@@ -38,16 +46,13 @@ def left_turn_radius_m(
 
     A turn signal alone is no turn, it may have been left on; with it, less of a turn counts.
 
-    Of tracks it is unknown: the noise of their velocities looks like turns, also of vehicles
-    that drive side by side.
-
     Args:
         vehicle: its velocity counts.
         lateral_m_s2: across its course, to the left; `None` if it is not known.
         signals: whether its left turn signal is on.
     """
     least_m_s2 = SIGNALLED_LATERAL_M_S2 if signals else MIN_LATERAL_M_S2
-    if lateral_m_s2 is None or lateral_m_s2 < least_m_s2 or vehicle.source not in _REPORTED:
+    if lateral_m_s2 is None or lateral_m_s2 < least_m_s2 or not has_known_turn(vehicle):
         return None
     radius_m = math.hypot(*vehicle.state[2:]) ** 2 / lateral_m_s2
     if not MIN_RADIUS_M <= radius_m <= (SIGNALLED_BEND_M if signals else MAX_RADIUS_M):

@@ -21,7 +21,7 @@ def test_the_slope_is_the_least_squares_line_of_the_window() -> None:
     within = np.array([each for each in samples if each[0] >= samples[-1][0] - 0.5 - 1e-9])
     expected = np.polyfit(within[:, 0], within[:, 1], 1)[0]
 
-    assert trend_of(samples, 0.5 + 1e-9).acceleration_m_s2 == pytest.approx(expected)
+    assert trend_of(samples, 0.5 + 1e-9).acceleration_m_s2 == pytest.approx(expected, rel=1e-9)
 
 
 def test_whole_km_h_at_20_hz_give_half_a_metre_per_second_squared() -> None:
