@@ -120,7 +120,15 @@ def accuracy(
     traffic = road(7, 25.0, seconds + 2.0, Q, rng)
     n = len(traffic.names)
     equipped = {traffic.names[i] for i in rng.permutation(n)[: round(radio * n)]}
-    world = MvsWorld(traffic, equipped, WorldSettings(loss=loss), mvs, seed, tracking=TRACKING)
+    world = MvsWorld(
+        traffic,
+        equipped,
+        WorldSettings(loss=loss),
+        mvs,
+        seed,
+        tracking=TRACKING,
+        records_measurements=True,
+    )
     result = Accuracy()
     measured: dict[str, list[Measurement]] = defaultdict(list)
     for tick in range(round((seconds + 1.5) * 10)):

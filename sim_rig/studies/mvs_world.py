@@ -116,6 +116,7 @@ class MvsWorld:
         *,
         blocked: Blocked | None = None,
         tracking: TrackingParameters = DEFAULTS,
+        records_measurements: bool = False,
     ) -> None:
         """Start at time 0.
 
@@ -127,6 +128,7 @@ class MvsWorld:
             seed: of noise, phases and losses.
             blocked: occlusion by buildings; None for none.
             tracking: parameters of every tracker.
+            records_measurements: whether `measurements` is filled.
         """
         self.traffic = traffic
         self.equipped = equipped
@@ -142,8 +144,11 @@ class MvsWorld:
         self.fixes: dict[str, Position] = {}
         """The last fix of each car with a radio."""
         self._reference_hosts: dict[str, HostVehicle] = {}
-        """Process the same inputs as each core, to compute the measurements that it makes."""
+        """Process the same inputs as each core, to compute the measurements that it makes; empty if
+        these are not recorded."""
+        self._records_measurements = records_measurements
         self.measurements: list[TrueMeasurement] = []
+        """Of all cars in the last tick."""
         self.sent: list[SentFooter] = []
         """Footers of the last tick."""
         self.now = 0.0
@@ -186,7 +191,7 @@ class MvsWorld:
 
     def frame_of(self, car: str) -> LocalFrame:
         """The local frame of a car's core."""
-        frame = self._reference_hosts[car].frame
+        frame = self.cores[car].frame
         assert frame is not None  # noqa: S101 (a core acts with a fix)
         return frame
 
@@ -198,22 +203,21 @@ class MvsWorld:
         self.cores[name] = MultiVehicleSensing(
             self._mvs_settings, own_id, rng, START_UTC_S, tracking=self._tracking
         )
-        self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
-        arrival = self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S)
-        self.cores[name].receive_position(arrival)
-        self._reference_hosts[name].receive_position(arrival)
+        if self._records_measurements:
+            self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
+        self._receive_fix(name, self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S))
+
+    def _receive_fix(self, name: str, fix: Position) -> None:
+        self.cores[name].receive_position(fix)
+        if name in self._reference_hosts:
+            self._reference_hosts[name].receive_position(fix)
 
     def _step_car(self, name: str, cars: Cars) -> None:
-        core, reference_host, settings = (
-            self.cores[name],
-            self._reference_hosts[name],
-            self.settings,
-        )
+        core, settings = self.cores[name], self.settings
         own = cars.names.index(name)
         course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
         fix = self._fix(cars, own, float(cars.speed_m_s[own]))
-        core.receive_position(fix)
-        reference_host.receive_position(fix)
+        self._receive_fix(name, fix)
         self.fixes[name] = fix
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
             east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
@@ -229,7 +233,8 @@ class MvsWorld:
                 settings.bearing_sigma_rad,
             )
             core.receive_detection(detection)
-            self._record_measurement(name, cars.names[other], detection)
+            if self._records_measurements:
+                self._record_measurement(name, cars.names[other], detection)
         shared_in, footer, shared = self._mvs_settings.shared_in, None, None
         if shared_in is not SharedIn.SDSM:
             footer = core.footer_to_send(self.now)

@@ -191,18 +191,36 @@ def test_workers_that_always_fail_are_an_error(tmp_path: Path) -> None:
         run_campaign(throw, settings, range(2), tmp_path / "a", Workers(processes=2))
 
 
-def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
+@contextmanager
+def cluster_of_two(folder: Path) -> Iterator[Workers]:
+    """A Dask scheduler and two workers on this machine."""
     with LocalCluster(
         n_workers=2,
         threads_per_worker=1,
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
-        local_directory=tmp_path,
+        local_directory=folder,
     ) as cluster:
-        address = cluster.scheduler_address
-        rows = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", Workers(dask=address))
+        yield Workers(dask=cluster.scheduler_address)
+
+
+def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
+    with cluster_of_two(tmp_path) as workers:
+        rows = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", workers)
 
     assert rows == run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "b", Workers())
+
+
+def test_a_killed_worker_of_a_cluster_does_not_change_the_results(tmp_path: Path) -> None:
+    settings = DiceSettings(fatal_once=str(tmp_path / "killed"))
+
+    with cluster_of_two(tmp_path) as workers:
+        rows = run_campaign(throw, settings, NUMBERS, tmp_path / "a", workers)
+
+    assert (tmp_path / "killed").exists()
+    assert rows == run_campaign(throw, settings, NUMBERS, tmp_path / "b", Workers())
+    lines = (tmp_path / "a" / "runs.jsonl").read_text().splitlines()
+    assert sorted(json.loads(line)["run"] for line in lines) == list(NUMBERS)  # each once
 
 
 def test_a_cluster_without_workers_that_ends_is_reported_in_two_lines(tmp_path: Path) -> None:
