@@ -24,7 +24,7 @@ from onboard.lcca.events import (
     WarningRaised,
 )
 from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of, reach_of_cause
-from onboard.lcca.group_position import GroupPosition
+from onboard.lcca.group_position import LARGEST_ADVANCE, GroupPosition
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
 from onboard.lcca.own_braking import OwnBraking
@@ -160,6 +160,7 @@ class WarningGroup(Core):
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
         if self._own_braking.cause is WarnCause.OVER:
             self._event_sequence = int(self._rng.integers(_SEQUENCES))
+        self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
         self._membership.change_sequence()
         self._membership.join_soon(now)
 

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from onboard.messages.lcca import CarId
 
 _MODULUS = 1 << 16
+LARGEST_ADVANCE = _MODULUS // 2 - 1024
+"""Of an own count: still newer than what a vehicle that missed 1023 counts has received."""
 
 
 def is_newer(sequence: int, than: int) -> bool:
@@ -80,6 +82,14 @@ class GroupPosition:
         self.own_id = names.get(self.own_id, self.own_id)
         self.leader_id = names.get(self.leader_id, self.leader_id)
         self._feasible = {names.get(key, key): each for key, each in self._feasible.items()}
+
+    def advance(self, counts: int) -> None:
+        """Skip counts of the own sequence, at most `LARGEST_ADVANCE`.
+
+        A random number of them, with a new ID, leaves an eavesdropper one bit of the old count. A
+        count that begins anew would be refused as old by followers that rename their leader.
+        """
+        self._own_sequence = (self._own_sequence + counts) % _MODULUS
 
     def become_first(self) -> None:
         """Take number 1: no vehicle is followed any more."""

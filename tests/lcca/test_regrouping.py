@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from onboard.lcca.transitions import TRANSITIONS, GroupEvent, GroupState
-from onboard.messages.lcca import NO_ID, Join, Leave, LeaveReason, Update
+from onboard.messages.lcca import NO_ID, Join, Leave, LeaveReason, Reply, Update
 from tests.lcca.one_car import OneCar
 from tests.lcca.road import Air, Road, car_id, events_of, places, true_places
 
@@ -221,6 +221,27 @@ def test_sequence_numbers_begin_anew_with_the_id() -> None:
         last = [number for sender, number, is_after in joins if (sender, is_after) == (name, False)]
         next_ = [number for sender, number, is_after in joins if (sender, is_after) == (name, True)]
         assert abs(next_[0] - last[-1]) > 100
+
+
+def test_the_leaders_count_does_not_run_on_over_a_change_and_its_group_stays() -> None:
+    road = Road()
+    road.add_row("ABC")
+    road.run(3.0)
+    for _ in range(5):
+        before, transitions = len(road.sent), len(road.cars["C"].transitions)
+        road.change_ids(spread_s=0.5)
+        road.run(6.0)
+        counts = [
+            (entry.message.leader_sequence, at >= before)
+            for at, entry in enumerate(road.sent)
+            if isinstance(entry.message, Reply) and entry.sender == "A"
+        ]
+        last = [count for count, is_after in counts if not is_after][-1]
+        next_ = [count for count, is_after in counts if is_after][-1]
+        assert (next_ - last) % (1 << 16) > 100
+        said = road.cars["C"].transitions[transitions:]
+        assert {each.group_number for each in said} <= {3}
+    assert road.cars["C"].group.leader_id == road.cars["A"].group.leader_id
 
 
 def test_after_the_change_the_previous_id_is_invalid() -> None:
