@@ -14,11 +14,15 @@ from onboard.detector.object_list import ObjectListReader
 from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
+from onboard.hmi.access_check import AccessCheck
 from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import MvsSettings
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.socketcand import ProtocolError, parse_element
 from onboard.obd.vehicle_bus import VehicleBus
+from onboard.observations import Position
 from onboard.security import p256
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.settings import SettingsError, parse_settings, parse_yaml
@@ -26,8 +30,10 @@ from onboard.tools.decode.describe import describe
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision import jpeg
 from onboard.vision.mjpeg import MjpegParts
+from onboard.wave_link import bsm_sender
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.capture import CaptureError, read_capture
+from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 
@@ -149,6 +155,59 @@ def _yaml(data: bytes) -> None:
     parse_settings({} if tree is None else tree, CarConfig, "fuzz")
 
 
+_TOKEN = "a token of sixteen"  # noqa: S105 (guards nothing)
+
+
+def _http(data: bytes) -> None:
+    """Lines as the headers Host, Origin, cookie and Authorization; empty: not sent."""
+    lines = data.decode("utf-8", "surrogateescape").split("\n")[:4]
+    host, *others = lines + [""] * (4 - len(lines))
+    origin, cookie, authorization = (each or None for each in others)
+    AccessCheck(None).refusal(host, origin, cookie, authorization)
+    refusal = AccessCheck(_TOKEN).refusal(host, origin, cookie, authorization)
+    if refusal is None and _TOKEN not in (cookie, (authorization or "").removeprefix("Bearer ")):
+        raise AssertionError("accepted without the token")
+
+
+def _known_signer(wsm: WaveShortMessage) -> bytes | None:
+    return wsm.payload[:1] if wsm.payload[-1:] > b"\x40" else None
+
+
+def _receive_queue(data: bytes) -> None:
+    """Frames, each after its size in one byte; some are of known signers."""
+    queue = ReceiveQueue(psid.LCCA, bsm_sender, _known_signer)
+    put = taken = position = 0
+    while position < len(data):
+        end = position + 1 + data[position]
+        queue.put(data[position + 1 : end])
+        position, put = end, put + 1
+    while queue.take() is not None or queue.take_unknown() is not None:
+        taken += 1
+    if taken + queue.take_dropped() != put:
+        raise AssertionError(f"{put} frames put, {taken} taken")
+
+
+_MOST_FOOTERS = 8
+
+
+def _footer_sharing(data: bytes) -> None:
+    """Footers of a remote vehicle, each after its size in two bytes, 0.1 s apart."""
+    mvs = MultiVehicleSensing(MvsSettings(), b"host", np.random.default_rng(1), _UTC_S)
+    position = number = 0
+    while position < len(data) and number < _MOST_FOOTERS:
+        now = 0.1 * number
+        end = position + 2 + int.from_bytes(data[position : position + 2])
+        mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
+        remote = Position(now, 48.1005, 11.5, None, 0.5, 10.0, 0.0)
+        mvs.receive_bsm(b"seen", remote, data[position + 2 : end], now)
+        mvs.update(now)
+        mvs.kinematic_info(now)
+        mvs.footer_to_send(now)
+        while mvs.next_event() is not None:
+            pass
+        position, number = end, number + 1
+
+
 TARGETS = {
     "wsmp": _codec(_decode_version_3, wsmp.encode),
     "rsu41": _codec(immediate_forward.decode, immediate_forward.encode),
@@ -168,6 +227,9 @@ TARGETS = {
     "detector": Target(_detector),
     "jpeg": Target(_jpeg),
     "mjpeg": Target(_mjpeg, max_s_per_kilobyte=2e-2),
+    "http": Target(_http),
+    "receive_queue": Target(_receive_queue, max_s_per_kilobyte=1e-2),
+    "footer_sharing": Target(_footer_sharing, max_s_per_kilobyte=1e-1),
     "yaml": Target(_yaml, (SettingsError,), max_s_per_kilobyte=1e-1),
 }
 """By the name of their corpus."""
