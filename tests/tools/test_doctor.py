@@ -305,6 +305,15 @@ def test_a_port_in_use_is_reported_with_the_advice_to_stop_the_daemon() -> None:
 # ---- the computer -------------------------------------------------------------------------------
 
 
+def test_authenticated_sources_of_time_are_counted() -> None:
+    authdata = (
+        "192.0.2.1,NTS,1,15,256,1200,0,0,8,100\n"
+        "192.0.2.2,NTS,0,0,0,4294967295,3,0,0,0\n"
+        "192.0.2.3,-,0,0,0,4294967295,0,0,0,0\n"
+    )
+    assert computer.nts_sources(authdata) == "1 of 3 sources authenticated (NTS)"
+
+
 def test_a_clock_earlier_than_the_installation_is_wrong() -> None:
     assert computer.examine_clock(0.0).level is MISSING
     assert computer.examine_clock(time.time()).level is not MISSING

@@ -1,8 +1,10 @@
 """Tests of the computer: clock, disk, and the vehicle's keys."""
 
+import csv
 import ctypes
 import errno
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -27,6 +29,10 @@ NEW_KEYS = "`onboard keys car` makes new ones; see in-the-car.md"
 UNSIGNED = "`onboard keys`, and name the folder in `security.keys_folder`; see in-the-car.md"
 AGREE_ON_A_KEY = "agree on a `security.plate_digest.community_key` for your trial"
 
+CHRONYC = ("chronyc", "-c", "-n", "authdata")
+CHRONYC_S = 2.0
+_AUTHDATA = 10
+"""Fields of a source in the answer."""
 _STA_UNSYNC = 0x40
 """Status bit of adjtimex(2): the clock is not synchronised."""
 _TIMEX_BYTES, _STATUS_AT = 208, 40
@@ -41,7 +47,31 @@ def examine_clock(now_utc_s: float) -> Finding:
         return Finding("clock", FindingLevel.MISSING, before, SET_CLOCK)
     if not _is_synchronised():
         return Finding("clock", FindingLevel.DOUBTFUL, f"{text} UTC, not synchronised", SET_CLOCK)
-    return Finding("clock", FindingLevel.GOOD, f"{text} UTC, synchronised")
+    authentication = _authentication()
+    return Finding("clock", FindingLevel.GOOD, f"{text} UTC, synchronised{authentication}")
+
+
+def _authentication() -> str:
+    """Return what chrony, if it runs and answers this user, says of its sources' authentication."""
+    try:
+        answer = subprocess.run(  # noqa: S603 (a constant)
+            CHRONYC, capture_output=True, text=True, timeout=CHRONYC_S, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return f", {nts_sources(answer.stdout)}"
+
+
+def nts_sources(authdata: str) -> str:
+    """Return how many sources of time are authenticated by Network Time Security (RFC 8915).
+
+    Args:
+        authdata: of `chronyc -c authdata`, a line a source: name, mode, key ID, type and length,
+            seconds since the last key exchange, attempts, NAKs, cookies, length of a cookie.
+    """
+    sources = [fields for fields in csv.reader(authdata.splitlines()) if len(fields) == _AUTHDATA]
+    nts = sum(mode == "NTS" and cookies != "0" for _, mode, *_, cookies, _length in sources)
+    return f"{nts} of {len(sources)} sources authenticated (NTS)"
 
 
 def _is_synchronised() -> bool:
