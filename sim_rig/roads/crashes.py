@@ -7,6 +7,7 @@ by bound without passing the first contact (conservative advancement). Time adva
 `_LEAST_JUMP` of the step: a contact may be found that much late, and a shorter one is missed.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ class Crash:
     names: tuple[str, str]
     speed_m_s: float
     """Relative speed of the two cars."""
+    angle_rad: float
+    """Angle between their headings, from 0 to pi; near 0 in a rear-end crash."""
 
 
 def boxes_overlap(cars: Cars) -> list[tuple[int, int]]:
@@ -56,8 +59,15 @@ def first_crash(
             at_s = before.at_s + share * (after.at_s - before.at_s)
             if first is None or at_s < first.at_s:
                 velocity = end.velocity_m_s
-                first = Crash(at_s, pair, float(np.hypot(*(velocity[i] - velocity[j]))))
+                speed_m_s = float(np.hypot(*(velocity[i] - velocity[j])))
+                angle_rad = angle_between(end.heading_rad[i], end.heading_rad[j])
+                first = Crash(at_s, pair, speed_m_s, angle_rad)
     return first
+
+
+def angle_between(heading_rad: float, other_rad: float) -> float:
+    """Angle between two headings, from 0 to pi."""
+    return abs(math.remainder(float(heading_rad) - float(other_rad), math.tau))
 
 
 def _only(cars: Cars, names: list[str]) -> Cars:

@@ -1,18 +1,23 @@
 """Dangerous events in recorded traffic: sudden braking, and running a red light.
 
-Events are drawn where a collision is possible: a car brakes that is followed closely; the first car
-at a red light does not stop, or departs, where others cross. In a recording without lights, the
+Events are where a collision is possible: a car brakes that is followed closely; the first car at a
+red light does not stop, or departs, where others cross. In a recording without lights, the
 trajectory of a car that passed a crossing before or after another one is shifted in time.
 """
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cache
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.errors import UserError
+from sim_rig.roads.cars import Cars
+from sim_rig.roads.crashes import angle_between
 from sim_rig.roads.paths import DrivePath, blocked_at_m
 from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory
 
@@ -20,17 +25,25 @@ BRAKING_M_S2 = (4.0, 8.0)
 _LEAST_SPEED_M_S = 7.0
 _CLOSE_S = 2.5
 """Largest headway of a close follower."""
+_NEAR_M = 60.0
+"""Its largest distance."""
+_STAYS_S = 6.0
+"""Both cars are present for this long after a sudden braking."""
+_CROSSES_SINE = 0.5
+"""Sine of the least angle at which paths cross: 30 degrees."""
 _FIRST_IN_LINE_M = 12.0
 """The first car in a queue has no car ahead within this distance."""
 _BRAKES_BEFORE_S = 8.0
 """Braking for a stop starts at most this long before it."""
 _STRAIGHT_RAD = 0.3
-_MOST_MOVED_S = 60.0
-"""Largest shift in time of a trajectory."""
 _BEFORE_STEPS = 70
 """Both cars are present for at least this many steps before they meet."""
 _COARSE = 5
 """Paths are first compared at every fifth sample."""
+_COARSE_M = 6.0
+"""Above half of what two cars move between these; paths that cross come as near as this."""
+_EVERY_S = 2.0
+"""Interval at which a waiting car may set off, and any car may brake."""
 SETTING_OFF_M_S2, SETTING_OFF_TO_M_S = 2.5, 13.0
 """Acceleration and final speed of a car that departs at a red light."""
 _SOONEST_S = 3.0
@@ -42,7 +55,12 @@ _OUT_OF_TURN_S = 4.0
 """A shifted car is checked from this long before the meeting."""
 _ROOM_M = 7.0
 """Least distance, middle to middle, of a shifted car to others of its direction."""
-_MOST_DRAWS = 4000
+_TIMINGS = 3
+"""Timings that are drawn for each crossing of two paths."""
+
+
+Samples = NDArray[np.intp]
+"""Indices of samples of a trajectory."""
 
 
 class TrafficEventKind(StrEnum):
@@ -68,6 +86,19 @@ class TrafficEvent:
     """Shift in time of the whole trajectory, for red-light runners without lights."""
 
 
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A possible event, and the car that its car meets if nobody reacts."""
+
+    event: TrafficEvent
+    pair: tuple[str, str]
+    """Both cars by name, in order."""
+    angle_rad: float
+    """Angle between their headings, from 0 to pi."""
+    closing_speed_m_s: float
+    """Their relative speed; behind a car that brakes, the speed of its follower."""
+
+
 class NoEventError(UserError):
     """The recording has no situation for an event of this kind."""
 
@@ -80,86 +111,110 @@ class TrafficEvents:
         self._recording = recording
         self._has_lights = has_lights
 
-    @cached_property
-    def _red(self) -> list[tuple[bool, list[tuple[int, float]]]]:
-        """Cars and times: of those that do not stop at red, and of those that set off (True)."""
-        found = _at_red(self._recording) if self._has_lights else []
-        both = [
-            (sets_off, [(car, at_s) for car, at_s, sets in found if sets == sets_off])
-            for sets_off in (False, True)
-        ]
-        return [(sets_off, some) for sets_off, some in both if some]
-
-    @cached_property
-    def _out_of_turn(self) -> list[tuple[int, float, float]]:
-        return [] if self._has_lights else _ways_crossed(self._recording)
-
-    def draw(self, kind: TrafficEventKind, rng: np.random.Generator) -> TrafficEvent:
-        """Draw car and time of an event.
+    def situations(self, kind: TrafficEventKind, rng: np.random.Generator) -> list[Situation]:
+        """Find all possible events of one kind, in the order of the recording.
 
         Args:
-            kind: kind of the event.
-            rng: source of the choice.
+            kind: kind of the events.
+            rng: source of decelerations and timings.
 
         Raises:
             NoEventError: no car is followed closely, or no paths cross.
         """
         if kind is TrafficEventKind.SUDDEN_BRAKE:
-            return _sudden_brake(self._recording, rng)
-        for _ in range(_MOST_DRAWS if self._out_of_turn else 0):
-            car, at_s, sooner_s = self._out_of_turn[rng.integers(len(self._out_of_turn))]
-            sooner_s += rng.uniform(-_TIMING_S, _TIMING_S)
-            begins_s = round(at_s - sooner_s - _OUT_OF_TURN_S, 1)
-            event = TrafficEvent(kind, car, begins_s, sooner_s=sooner_s)
-            if _has_room(self._recording, event):
-                return event
-        for _ in range(_MOST_DRAWS if self._red else 0):
-            sets_off, some = self._red[rng.integers(len(self._red))]
-            car, at_s = some[rng.integers(len(some))]
-            event = TrafficEvent(kind, car, at_s, sets_off=sets_off)
-            if _may_hit(self._recording, event):
-                return event
-        if self._out_of_turn:
-            raise NoEventError(
-                "paths in this recording cross, but every shifted car would be within"
-                f" {_ROOM_M:g} m of another one of its direction"
+            return _sudden_brakes(self._recording, rng)
+        found = _red_lights(self._recording) if self._has_lights else []
+        return found or _out_of_turn(self._recording, rng)
+
+
+def _sudden_brakes(recording: RecordedTraffic, rng: np.random.Generator) -> list[Situation]:
+    found = []
+    for at_s in np.arange(2.0, recording.end_s - 8.0, _EVERY_S).round(1).tolist():
+        cars, there = recording.cars_at(at_s), recording.there(at_s)
+        for own, ahead in _following(recording, cars, there):
+            deceleration = rng.uniform(*BRAKING_M_S2)
+            event = TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, there[ahead], at_s, deceleration)
+            names = cars.names[own], cars.names[ahead]
+            headings = float(cars.heading_rad[own]), float(cars.heading_rad[ahead])
+            found.append(_situation(event, names, headings, (float(cars.speed_m_s[own]), 0.0)))
+    if not found:
+        raise NoEventError("no car in this recording is followed closely")
+    return found
+
+
+def _following(
+    recording: RecordedTraffic, cars: Cars, there: list[int]
+) -> Iterator[tuple[int, int]]:
+    """Yield close followers and the cars ahead of them, as indices in `cars`."""
+    stay = [recording.drives[i].last * STEP_S >= cars.at_s + _STAYS_S for i in there]
+    drives = np.array(stay, dtype=bool) & (cars.speed_m_s >= _LEAST_SPEED_M_S)
+    for own in np.flatnonzero(drives).tolist():
+        near = np.hypot(*(cars.middle_m - cars.middle_m[own]).T) < _NEAR_M
+        near[own] = False
+        others = np.flatnonzero(near)
+        if not len(others):
+            continue
+        path = DrivePath(recording.drives[there[own]])
+        gaps_m = blocked_at_m(path, path.way_m(cars.at_s), cars, own, others)
+        ahead = int(others[gaps_m.argmin()])
+        if drives[ahead] and 1.0 < gaps_m.min() < _CLOSE_S * cars.speed_m_s[own]:
+            yield own, ahead
+
+
+def _situation(
+    event: TrafficEvent,
+    names: tuple[str, str],
+    headings_rad: tuple[float, float],
+    speeds_m_s: tuple[float, float],
+) -> Situation:
+    """Describe the meeting of two cars by their names, headings and speeds."""
+    angle_rad = angle_between(*headings_rad)
+    one, other = speeds_m_s
+    closing2 = one**2 + other**2 - 2.0 * one * other * math.cos(angle_rad)
+    first, second = sorted(names)
+    return Situation(event, (first, second), angle_rad, math.sqrt(max(closing2, 0.0)))
+
+
+def _red_lights(recording: RecordedTraffic) -> list[Situation]:
+    cars_at = cache(recording.cars_at)
+    events = (
+        TrafficEvent(TrafficEventKind.RED_LIGHT, car, at_s, sets_off=sets_off)
+        for car, at_s, sets_off in _at_red(recording)
+    )
+    found = (_met_at_red(recording, event, cars_at) for event in events)
+    return [situation for situation in found if situation is not None]
+
+
+def _out_of_turn(recording: RecordedTraffic, rng: np.random.Generator) -> list[Situation]:
+    ways, found = _ways_crossed(recording), []
+    for (car, mine), (other, others) in ways:
+        drive, crossed = recording.drives[car], recording.drives[other]
+        later_s = (drive.first + mine - crossed.first - others) * STEP_S
+        for sooner_s in later_s + rng.uniform(-_TIMING_S, _TIMING_S, _TIMINGS):
+            begins_s = round((drive.first + mine) * STEP_S - sooner_s - _OUT_OF_TURN_S, 1)
+            event = TrafficEvent(
+                TrafficEventKind.RED_LIGHT, car, begins_s, sooner_s=float(sooner_s)
             )
+            if _has_room(recording, event):
+                passings = (drive, mine), (crossed, others)
+                (a_rad, b_rad), (a_m_s, b_m_s) = (
+                    [float(d.heading_rad[at]) for d, at in passings],
+                    [float(d.speed_m_s[at]) for d, at in passings],
+                )
+                names = drive.name, crossed.name
+                found.append(_situation(event, names, (a_rad, b_rad), (a_m_s, b_m_s)))
+    if ways and not found:
+        raise NoEventError(
+            "paths in this recording cross, but every shifted car would be within"
+            f" {_ROOM_M:g} m of another one of its direction"
+        )
+    if not found:
         raise NoEventError("no paths in this recording cross")
-
-
-def _sudden_brake(recording: RecordedTraffic, rng: np.random.Generator) -> TrafficEvent:
-    deceleration = rng.uniform(*BRAKING_M_S2)
-    last_s = recording.end_s - 8.0
-    for _ in range(_MOST_DRAWS if last_s > 2.0 else 0):
-        at_s = round(float(rng.uniform(2.0, last_s)), 1)
-        there = recording.there(at_s)
-        if not there:
-            continue
-        car = there[rng.integers(len(there))]
-        if _is_followed(recording, car, at_s):
-            return TrafficEvent(TrafficEventKind.SUDDEN_BRAKE, car, at_s, deceleration)
-    raise NoEventError("no car in this recording is followed closely")
-
-
-def _is_followed(recording: RecordedTraffic, car: int, at_s: float) -> bool:
-    cars, there = recording.cars_at(at_s), recording.there(at_s)
-    ahead = there.index(car)
-    if cars.speed_m_s[ahead] < _LEAST_SPEED_M_S or recording.drives[car].last * STEP_S < at_s + 6.0:
-        return False
-    near = np.hypot(*(cars.middle_m - cars.middle_m[ahead]).T) < 60.0
-    for other in np.flatnonzero(near).tolist():
-        if other == ahead or cars.speed_m_s[other] < _LEAST_SPEED_M_S:
-            continue
-        path = DrivePath(recording.drives[there[other]])
-        where_m = path.way_m(at_s)
-        gap_m = blocked_at_m(path, where_m, cars, other, np.array([ahead]))[0]
-        if 1.0 < gap_m < _CLOSE_S * cars.speed_m_s[other]:
-            return True
-    return False
+    return found
 
 
 def _at_red(recording: RecordedTraffic) -> list[tuple[int, float, bool]]:
-    """First cars at red: (car, time, departs), at braking onset and each 0.5 s of waiting."""
+    """First cars at red: (car, time, departs), at braking onset, and each `_EVERY_S` of waiting."""
     found = []
     for number, drive in enumerate(recording.drives):
         for stop, go in _stands(drive):
@@ -171,7 +226,7 @@ def _at_red(recording: RecordedTraffic) -> list[tuple[int, float, bool]]:
             if before.max() > _LEAST_SPEED_M_S:
                 onset = from_step + int(np.flatnonzero(before >= 0.97 * before.max())[-1])
                 found.append((number, round((drive.first + onset) * STEP_S, 1), False))
-            for step in range(stop + 5, go - round(_SOONEST_S / STEP_S), 5):
+            for step in range(stop + 5, go - round(_SOONEST_S / STEP_S), round(_EVERY_S / STEP_S)):
                 found.append((number, round((drive.first + step) * STEP_S, 1), True))  # noqa: PERF401 (reads as the rest)
     return found
 
@@ -189,25 +244,35 @@ def _turns(drive: Trajectory, step: int) -> bool:
     return bool(abs(drive.heading_rad[later] - drive.heading_rad[step]) > _STRAIGHT_RAD)
 
 
-def _may_hit(recording: RecordedTraffic, event: TrafficEvent) -> bool:
-    """Whether another car crosses the runner's path within `_TIMING_S` of it."""
-    path = DrivePath(recording.drives[event.car])
+def _met_at_red(
+    recording: RecordedTraffic, event: TrafficEvent, cars_at: Callable[[float], Cars]
+) -> Situation | None:
+    """Find the first car that crosses the runner's path within `_TIMING_S` of it."""
+    drive = recording.drives[event.car]
+    path = DrivePath(drive)
     times_s = np.arange(0.0, _AHEAD_S, 0.2)
     begin_m = path.way_m(event.at_s)
+    speeds_m_s = np.full(len(times_s), path.speed_m_s(begin_m))
+    ways_m = speeds_m_s * times_s
     if event.sets_off:
         gathering_s = np.minimum(times_s, SETTING_OFF_TO_M_S / SETTING_OFF_M_S2)
-        ways_m = SETTING_OFF_M_S2 * gathering_s**2 / 2.0
-        ways_m += SETTING_OFF_TO_M_S * (times_s - gathering_s)
-    else:
-        ways_m = path.speed_m_s(begin_m) * times_s
+        speeds_m_s = SETTING_OFF_M_S2 * gathering_s
+        ways_m = speeds_m_s * gathering_s / 2.0 + SETTING_OFF_TO_M_S * (times_s - gathering_s)
     middle, heading = path.places(begin_m + ways_m)
-    for late_s in (-_TIMING_S, 0.0, _TIMING_S):
-        for i, at_s in enumerate(event.at_s + times_s + late_s):
-            cars = recording.cars_at(at_s)
+    for late_s in (0.0, -_TIMING_S, _TIMING_S):
+        for i, at_s in enumerate((event.at_s + times_s + late_s).round(1).tolist()):
+            cars = cars_at(at_s)
             near = np.hypot(*(cars.middle_m - middle[i]).T) < 2.5
-            if (near & (np.abs(np.sin(cars.heading_rad - heading[i])) > 0.5)).any():
-                return True
-    return False
+            crosses = np.abs(np.sin(cars.heading_rad - heading[i])) > _CROSSES_SINE
+            if (near & crosses).any():
+                hit = int((near & crosses).argmax())
+                return _situation(
+                    event,
+                    (drive.name, cars.names[hit]),
+                    (float(heading[i]), float(cars.heading_rad[hit])),
+                    (float(speeds_m_s[i]), float(cars.speed_m_s[hit])),
+                )
+    return None
 
 
 def _has_room(recording: RecordedTraffic, event: TrafficEvent) -> bool:
@@ -234,49 +299,59 @@ def _is_first(recording: RecordedTraffic, number: int, at_s: float) -> bool:
     return bool(gaps.min(initial=np.inf) > _FIRST_IN_LINE_M)
 
 
-def _ways_crossed(recording: RecordedTraffic) -> list[tuple[int, float, float]]:
-    """Crossing paths: (car, time at the crossing, shift in time that makes it meet the other)."""
+_Passing = tuple[int, int]
+"""A car, and its sample at a crossing."""
+
+
+def _ways_crossed(recording: RecordedTraffic) -> list[tuple[_Passing, _Passing]]:
+    """Crossing paths of two cars in motion, in both orders."""
+    moving = [np.flatnonzero(d.speed_m_s > _LEAST_SPEED_M_S)[::_COARSE] for d in recording.drives]
     found = []
-    for number, drive in enumerate(recording.drives):
-        for other in recording.drives:
-            met = None if other is drive else _crossing(drive, other)
-            if met is None:
-                continue
-            mine, others = met
-            later_s = (drive.first + mine - other.first - others) * STEP_S
-            if (
-                abs(later_s) < _MOST_MOVED_S
-                and min(drive.speed_m_s[mine], other.speed_m_s[others]) > _LEAST_SPEED_M_S
-                and min(mine, others) > _BEFORE_STEPS
-                # The shifted trajectory must start after the recording does.
-                and drive.first * STEP_S > later_s + _TIMING_S
-            ):
-                found.append((number, (drive.first + mine) * STEP_S, later_s))
+    for (number, drive), (i, other) in combinations(enumerate(recording.drives), 2):
+        met = _crossing(drive, other, moving[number], moving[i])
+        # Both cars must be there for a while before.
+        if met is not None and min(met) > _BEFORE_STEPS:
+            mine, others = (number, met[0]), (i, met[1])
+            found += [(mine, others), (others, mine)]
     return found
 
 
-def _crossing(drive: Trajectory, other: Trajectory) -> tuple[int, int] | None:
-    """Samples of two paths at their crossing, within 2 m; `None` if they do not cross."""
-    low = np.maximum(drive.middle_m.min(axis=0), other.middle_m.min(axis=0)) - 2.0
-    high = np.minimum(drive.middle_m.max(axis=0), other.middle_m.max(axis=0)) + 2.0
-    if (low > high).any():
+def _crossing(
+    drive: Trajectory, other: Trajectory, some: Samples, others: Samples
+) -> tuple[int, int] | None:
+    """Samples of two paths at their crossing, within 2 m; `None` if they do not cross there.
+
+    Args:
+        drive: one path.
+        other: the other path.
+        some: (n,) samples of `drive`, `_COARSE` apart, near which they may cross.
+        others: (k,) those of `other`.
+    """
+    if not len(some) or not len(others):
         return None
-    every = slice(None, None, _COARSE)
-    i, j, _ = _nearest_across(drive, other, every, every)
-    i, j = i * _COARSE, j * _COARSE
-    some = slice(max(i - _COARSE, 0), i + _COARSE)
-    others = slice(max(j - _COARSE, 0), j + _COARSE)
+    mine_m, theirs_m = drive.middle_m[some], other.middle_m[others]
+    low = np.maximum(mine_m.min(axis=0), theirs_m.min(axis=0)) - _COARSE_M
+    high = np.minimum(mine_m.max(axis=0), theirs_m.max(axis=0)) + _COARSE_M
+    some = some[((mine_m >= low) & (mine_m <= high)).all(axis=1)]
+    others = others[((theirs_m >= low) & (theirs_m <= high)).all(axis=1)]
+    if not len(some) or not len(others):
+        return None
     i, j, apart_m = _nearest_across(drive, other, some, others)
-    return (some.start + i, others.start + j) if apart_m < 2.0 else None
+    if apart_m > _COARSE_M:
+        return None
+    about = np.arange(-_COARSE, _COARSE + 1)
+    some, others = (np.clip(at + about, 0, len(d) - 1) for at, d in ((i, drive), (j, other)))
+    i, j, apart_m = _nearest_across(drive, other, some, others)
+    return (i, j) if apart_m < 2.0 else None
 
 
 def _nearest_across(
-    drive: Trajectory, other: Trajectory, some: slice, others: slice
+    drive: Trajectory, other: Trajectory, some: Samples, others: Samples
 ) -> tuple[int, int, float]:
     apart = np.hypot(
         *(drive.middle_m[some, None] - other.middle_m[None, others]).transpose(2, 0, 1)
     )
     turn = drive.heading_rad[some, None] - other.heading_rad[None, others]
-    apart = np.where(np.abs(np.sin(turn)) > 0.5, apart, np.inf)
+    apart = np.where(np.abs(np.sin(turn)) > _CROSSES_SINE, apart, np.inf)
     i, j = np.unravel_index(apart.argmin(), apart.shape)
-    return int(i), int(j), float(apart[i, j])
+    return int(some[i]), int(others[j]), float(apart[i, j])

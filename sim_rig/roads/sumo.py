@@ -1,7 +1,7 @@
 """Traffic from SUMO, run in this process by libsumo, one simulation at a time: other threads wait.
 
-`networks/` has a dense crossing and a highway; their nets are made by `netconvert -c NAME.netccfg`.
-Other simulations are given by the `.sumocfg` of their network and routes.
+`networks/` has a dense crossing, a grid and a highway; `netconvert -c NAME.netccfg` makes their
+nets. Other simulations are given by the `.sumocfg` of their network and routes.
 """
 
 import gzip

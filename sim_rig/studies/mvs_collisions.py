@@ -109,8 +109,10 @@ def case_of(settings: CollisionSettings, number: int) -> tuple[EncounterCase, in
 def run_one(settings: CollisionSettings, number: int) -> Row:
     """One run of the campaign."""
     case, seed = case_of(settings, number)
-    scene = encounters(settings.encounter)
+    simulator = encounters(settings.encounter)
+    of = simulator.event(case.kind, seed)
     row: Row = {
+        "scene": str(of.source),
         "kind": case.kind.value,
         "method": case.method.value,
         "share": case.share,
@@ -123,8 +125,8 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         "weight": 1.0,
     }
     if case.pair_radios is not None:
-        before, is_unaffected = scene.without_radios(case, seed)
-        row["pair"] = _pair(before)
+        before, is_unaffected = simulator.without_radios(case, seed)
+        row["pair"] = _pair(of.source, before)
         row["probability"] = _probability(case.share, case.pair_radios, has_pair=before is not None)
         every = settings.unaffected_every if is_unaffected else 1
         is_run = row["probability"] > 0.0 and seed % every == 0
@@ -132,12 +134,13 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
         if not is_run:
             result = CrashOutcome.NO_RADIO.value if before is not None else None
             return row | {"crash": before is not None, "outcome": result}
-    outcome = scene.run(case, seed)
+    outcome = simulator.run(case, seed)
     if case.method is Method.NONE:
-        row["pair"] = _pair(outcome.crash)
+        row["pair"] = _pair(of.source, outcome.crash)
     return row | {
         "crash": outcome.crash is not None,
         "speed_m_s": outcome.crash.speed_m_s if outcome.crash else None,
+        "angle_deg": math.degrees(outcome.crash.angle_rad) if outcome.crash else None,
         "outcome": outcome.crash_outcome.value if outcome.crash_outcome else None,
         "known_before_s": outcome.known_before_s,
         "warned_before_s": outcome.warned_before_s,
@@ -153,8 +156,8 @@ def run_one(settings: CollisionSettings, number: int) -> Row:
     }
 
 
-def _pair(crash: Crash | None) -> str | None:
-    return None if crash is None else "+".join(sorted(crash.names))
+def _pair(source: SceneSource, crash: Crash | None) -> str | None:
+    return None if crash is None else "+".join([str(source), *sorted(crash.names)])
 
 
 def _probability(share: float, pair_radios: tuple[bool, bool], *, has_pair: bool) -> float:
@@ -177,7 +180,7 @@ def figure9(
     Returns:
         The reduction of crashes by MVS, as a sentence.
     """
-    settings = _with_available_scene(settings or CollisionSettings())
+    settings = _with_available_scenes(settings or CollisionSettings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
@@ -197,7 +200,7 @@ def figure3(
     Returns:
         The collision probabilities without radios and at the largest share, as a sentence.
     """
-    settings = _with_available_scene(settings or Figure3Settings())
+    settings = _with_available_scenes(settings or Figure3Settings())
     rows = _all_runs(out_dir, settings, workers)
     table = _table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
@@ -208,9 +211,9 @@ def figure3(
     )
 
 
-def _with_available_scene(settings: CollisionSettings) -> CollisionSettings:
-    scene = available_scene(settings.encounter.scene)
-    encounter = settings.encounter.model_copy(update={"scene": scene})
+def _with_available_scenes(settings: CollisionSettings) -> CollisionSettings:
+    scenes = dict.fromkeys(map(available_scene, settings.encounter.scenes))
+    encounter = settings.encounter.model_copy(update={"scenes": tuple(scenes)})
     return settings.model_copy(update={"encounter": encounter})
 
 
@@ -229,6 +232,9 @@ class _Line(NamedTuple):
     loss: float
     events: int
     pairs: int
+    angle_p10_deg: float
+    angle_p50_deg: float
+    angle_p90_deg: float
     p_collision: float
     low_95: float
     high_95: float
@@ -322,6 +328,7 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         loss=loss,
         events=events,
         pairs=len({row["pair"] for row in before.values() if row["pair"]}),
+        **{f"angle_p{share}_deg": _angle_deg(before.values(), share) for share in (10, 50, 90)},
         p_collision=(crashes - avoided + caused) / events,
         low_95=low,
         high_95=high,
@@ -344,6 +351,12 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         two_cars_reduction=of_crashes(two_cars),
         paper_alarm_two_cars_reduction=of_crashes(paper_alarm_two_cars),
     )
+
+
+def _angle_deg(before: Iterable[Row], percent: float) -> float:
+    """Percentile of the angles between the headings in the crashes without radios."""
+    angles = [row["angle_deg"] for row in before if row["crash"]]
+    return float(np.percentile(angles, percent)) if angles else math.nan
 
 
 def _median(rows: Sequence[Row], column: str) -> float:
@@ -383,12 +396,18 @@ def _summary(settings: CollisionSettings, table: Sequence[_Line], rows: Sequence
         return f"{len(rows)} runs"
     if math.isnan(line.reduction):
         return f"no event ends in a crash without radios ({line.events} events)"
-    paper = PAPER_REDUCTION.get(settings.encounter.scene)
+    paper = _paper_reduction(settings)
     text = f"at {_MOST_COMPARED:.0%} MVS reduces crashes by {line.reduction:.1%}"
     text += f" ({line.reduction_low_95:.0%} to {line.reduction_high_95:.0%}, {line.pairs} pairs)"
     text += f" of {line.avoidable:.0%} that can be avoided"
     text += f", of the two cars alone {line.two_cars_reduction:.1%}"
     return text if paper is None else f"{text} (paper: {paper:.1%})"
+
+
+def _paper_reduction(settings: CollisionSettings) -> float | None:
+    """What the paper prints for the scene of a campaign; None for several."""
+    scenes = settings.encounter.scenes
+    return PAPER_REDUCTION.get(scenes[0]) if len(scenes) == 1 else None
 
 
 def _shown(settings: CollisionSettings) -> str:
@@ -414,7 +433,7 @@ def _draw(settings: CollisionSettings, table: Sequence[_Line]) -> Figure:
             no_radio = np.array([line.outcome_no_radio / line.events for line in mine])
             bound = np.where(shares > 0.0, no_radio, p)
             axes.plot(shares, bound, "k:", label="no car to be warned")
-    paper = PAPER_REDUCTION.get(settings.encounter.scene)
+    paper = _paper_reduction(settings)
     if paper is not None and Method.MVS in settings.methods:
         at = none.p_collision * (1.0 - paper)
         axes.plot([_MOST_COMPARED], [at], "k*", markersize=12, label=f"paper: -{paper:.1%}")

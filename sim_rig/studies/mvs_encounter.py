@@ -17,13 +17,14 @@ from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
-from sim_rig.roads.events import TrafficEvent, TrafficEventKind, TrafficEvents
+from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
-from sim_rig.roads.recording import RecordedTraffic
+from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
+from sim_rig.studies.mvs_events import EventSample, SampledEvent
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
-from sim_rig.studies.mvs_scenes import OpenScene, SceneName, SceneSource, open_scene
+from sim_rig.studies.mvs_scenes import SceneName, SceneSource
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
 _PATH_M = np.arange(0.0, 61.0, 10.0)
@@ -52,7 +53,8 @@ class Method(StrEnum):
 class EncounterSettings(Settings):
     """What all runs have in common."""
 
-    scene: SceneSource = SceneName.CROSSING
+    scenes: Several[SceneSource] = (SceneName.CROSSING,)
+    """Their events take turns."""
     warm_s: float = Field(1.2, ge=0.3, le=30.0)
     """Time before the event in which radios are on, so that tracks are established."""
     after_s: float = Field(7.0, ge=1.0, le=30.0)
@@ -87,7 +89,7 @@ class EncounterCase:
 class EncounterOutcome:
     """Result of one run."""
 
-    event: TrafficEvent
+    of: SampledEvent
     crash: Crash | None = None
     crash_outcome: CrashOutcome | None = None
     """What radios change about the crash without radios; None if there is no such crash."""
@@ -125,19 +127,17 @@ TickObserver = Callable[[DisturbedTraffic, float], None]
 
 
 class Encounters:
-    """Simulates traffic events in one scene; loaded once in a process."""
+    """Simulates the events of a sample; loaded once in a process."""
 
     def __init__(self, settings: EncounterSettings) -> None:
-        """Load the scene and find where events are possible in it."""
+        """Load the scenes."""
         self._settings = settings
-        self._scene: OpenScene = open_scene(settings.scene)
-        self._events = TrafficEvents(self._scene.recording, has_lights=self._scene.has_lights)
+        self._sample = EventSample(settings.scenes)
         self._without_radios: dict[tuple[TrafficEventKind, int], Crash | None] = {}
 
-    @property
-    def recording(self) -> RecordedTraffic:
-        """The traffic without events."""
-        return self._scene.recording
+    def event(self, kind: TrafficEventKind, seed: int) -> SampledEvent:
+        """The event of a seed: that of this number in the sample."""
+        return self._sample.event(kind, seed)
 
     def run(
         self,
@@ -156,16 +156,16 @@ class Encounters:
             on_radio_tick: called after every tick with radios.
             on_tick: called after every tick without radios, which follow.
         """
-        event = self._event(case.kind, seed)
-        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
-        outcome = EncounterOutcome(event)
+        of = self.event(case.kind, seed)
+        event, traffic = of.event, self._traffic(of, seed)
+        outcome = EncounterOutcome(of)
         if case.method is Method.NONE:
             outcome.crash = self._continue(traffic, event, self._begin_s(event), on_tick)
             self._without_radios[case.kind, seed] = outcome.crash
             return outcome
         before = self._crash_without_radios(case.kind, seed)
-        equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), event)
-        pair = None if before is None else CrashPair(before, self._can_act(before, event))
+        equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), of)
+        pair = None if before is None else CrashPair(before, _can_act(before, of))
         world = self._world(case, seed, traffic, equipped)
         equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair)
         while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
@@ -184,13 +184,15 @@ class Encounters:
 
     def without_radios(self, case: EncounterCase, seed: int) -> tuple[Crash | None, bool]:
         """The crash without radios, and whether no car with a radio could avoid it."""
-        before, event = self._crash_without_radios(case.kind, seed), self._event(case.kind, seed)
+        before, of = self._crash_without_radios(case.kind, seed), self.event(case.kind, seed)
         if before is None:
             return None, True
-        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
-        cars = traffic.cars_at(self._begin_s(event))
-        equipped = self._equipped(case, seed, cars, event)
-        return before, equipped.isdisjoint(self._can_act(before, event))
+        cars = self._traffic(of, seed).cars_at(self._begin_s(of.event))
+        equipped = self._equipped(case, seed, cars, of)
+        return before, equipped.isdisjoint(_can_act(before, of))
+
+    def _traffic(self, of: SampledEvent, seed: int) -> DisturbedTraffic:
+        return DisturbedTraffic(of.recording, of.event, self._settings.reactions, seed)
 
     def _run_with_paper_alarm(
         self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair
@@ -198,8 +200,8 @@ class Encounters:
         """Simulate the event again with drivers who react to the paper's true alarms."""
         if not pair.paper_alarm_at:
             return before
-        event = self._event(case.kind, seed)
-        traffic = DisturbedTraffic(self.recording, event, self._settings.reactions, seed)
+        of = self.event(case.kind, seed)
+        event, traffic = of.event, self._traffic(of, seed)
 
         def warn(traffic: DisturbedTraffic, now: float) -> None:
             for name, from_s in pair.paper_alarm_at.items():
@@ -208,28 +210,21 @@ class Encounters:
 
         return self._continue(traffic, event, self._begin_s(event), warn)
 
-    def _can_act(self, crash: Crash, event: TrafficEvent) -> tuple[str, ...]:
-        """The cars of a crash whose drivers can avoid it: not the one that brakes and is hit."""
-        brakes = self.recording.drives[event.car].name if event.deceleration_m_s2 else None
-        return tuple(name for name in crash.names if name != brakes)
-
     def _world(
         self, case: EncounterCase, seed: int, traffic: DisturbedTraffic, equipped: set[str]
     ) -> MvsWorld:
         senses = case.method is not Method.DSRC
+        of = self.event(case.kind, seed)
         world = MvsWorld(
             traffic,
             equipped,
             self._settings.world.model_copy(update={"senses": senses, "loss": case.loss}),
             _mvs(case),
             seed,
-            blocked=self._scene.blocked,
+            blocked=of.scene.blocked,
         )
-        world.now = self._begin_s(self._event(case.kind, seed))
+        world.now = self._begin_s(of.event)
         return world
-
-    def _event(self, kind: TrafficEventKind, seed: int) -> TrafficEvent:
-        return self._events.draw(kind, np.random.default_rng([seed, 0]))
 
     def _begin_s(self, event: TrafficEvent) -> float:
         return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
@@ -256,19 +251,17 @@ class Encounters:
                 on_tick(traffic, now)
         return traffic.crash if traffic.crash and traffic.crash.at_s <= end_s else None
 
-    def _equipped(
-        self, case: EncounterCase, seed: int, cars: Cars, event: TrafficEvent
-    ) -> set[str]:
+    def _equipped(self, case: EncounterCase, seed: int, cars: Cars, of: SampledEvent) -> set[str]:
         """The cars with a radio near the event car's path; a larger share adds cars to them.
 
         The cars of the crash have one by `pair_radios`, if that is given.
         """
-        drives = self.recording.drives
+        event, drives = of.event, of.recording.drives
         draws = np.random.default_rng([seed, 1]).random(len(drives))
         path = DrivePath(drives[event.car])
         path_m, _ = path.places(path.way_m(event.at_s + event.sooner_s) + _PATH_M)
         near: set[str] = set()
-        for then in (cars, *(self.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
+        for then in (cars, *(of.recording.cars_at(cars.at_s + later) for later in _LATER_S)):
             away_m = np.hypot(*(then.middle_m[:, None] - path_m).transpose(2, 0, 1)).min(axis=1)
             near |= {then.names[i] for i in np.flatnonzero(away_m <= self._settings.near_m)}
         have = {d.name for d, drawn in zip(drives, draws, strict=True) if drawn < case.share} & near
@@ -277,6 +270,12 @@ class Encounters:
             return have
         pair = zip(before.names, case.pair_radios, strict=True)
         return have - set(before.names) | {name for name, has_radio in pair if has_radio}
+
+
+def _can_act(crash: Crash, of: SampledEvent) -> tuple[str, ...]:
+    """The cars of a crash whose drivers can avoid it: not the one that brakes and is hit."""
+    brakes = of.recording.drives[of.event.car].name if of.event.deceleration_m_s2 else None
+    return tuple(name for name in crash.names if name != brakes)
 
 
 class _EquippedCars:
@@ -356,7 +355,7 @@ class _EquippedCars:
             return
         outcome.warned += 1
         if outcome.first_warning_s is None:
-            outcome.first_warning_s = round(now - outcome.event.at_s, 3)
+            outcome.first_warning_s = round(now - outcome.of.event.at_s, 3)
 
     def _evaluate_paper_alarm(
         self, own: PerceivedObject | None, objects: list[PerceivedObject], cars: Cars, at: int

@@ -42,6 +42,8 @@ class SceneName(StrEnum):
     """The same from the rig's own car-following model."""
     SUMO_CROSSING = "sumo-crossing"
     """The same from SUMO."""
+    SUMO_GRID = "sumo-grid"
+    """Nine signalled crossings at oblique angles, some 110 cars, from SUMO; without buildings."""
     CITY = "city"
     """Sparse: the paper's city trace."""
 
@@ -106,8 +108,10 @@ def open_scene(scene: SceneSource) -> OpenScene:
         return OpenScene(record(own, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "own crossing")
     from sim_rig.roads.sumo import NETWORKS, SumoTraffic  # noqa: PLC0415 (a large library)
 
-    with SumoTraffic(NETWORKS / "crossing.sumocfg", seed=0) as sumo:
-        return OpenScene(record(sumo, _DRIVEN_S, _WARM_S), Corners(_CORNERS_M), "SUMO's crossing")
+    network = scene.removeprefix("sumo-")
+    blocked = Corners(_CORNERS_M) if scene is SceneName.SUMO_CROSSING else None
+    with SumoTraffic(NETWORKS / f"{network}.sumocfg", seed=0) as sumo:
+        return OpenScene(record(sumo, _DRIVEN_S, _WARM_S), blocked, f"SUMO's {network}")
 
 
 def _user_scene(path: Path) -> OpenScene:

@@ -163,12 +163,13 @@ def _animation(scene: Encounters, case: EncounterCase, seed: int) -> _StudyAnima
     animation, without = _StudyAnimation(), _StudyAnimation()
     before = scene.run(replace(case, method=Method.NONE), seed, on_tick=without.add_frame).crash
     outcome = scene.run(case, seed, animation.add_radio_frame, animation.add_frame)
-    drives = {drive.name: drive for drive in scene.recording.drives}
-    animation.event_s = outcome.event.at_s
-    animation.event_car = scene.recording.drives[outcome.event.car].name
+    recording, event = outcome.of.recording, outcome.of.event
+    drives = {drive.name: drive for drive in recording.drives}
+    animation.event_s = event.at_s
+    animation.event_car = recording.drives[event.car].name
     animation.crash = outcome.crash
     outcome_text = _describe_outcome(case, outcome, before)
-    animation.summary = f"{animation.event_car} {_describe_event(outcome.event)}. {outcome_text}"
+    animation.summary = f"{animation.event_car} {_describe_event(event)}. {outcome_text}"
     animation.paths = [_path(drives[name]) for name in animation.sizes]
     if before is not None and case.method is not Method.NONE:
         animation.crash_without_radios = before
@@ -213,7 +214,7 @@ def _describe_outcome(case: EncounterCase, outcome: EncounterOutcome, before: Cr
     """The crashes with radios and without, and the effect of the radios."""
 
     def crash_text(crash: Crash) -> str:
-        later_s = crash.at_s - outcome.event.at_s
+        later_s = crash.at_s - outcome.of.event.at_s
         one, other = crash.names
         return f"{one} and {other} crash {later_s:.1f} s later at {crash.speed_m_s:.1f} m/s"
 

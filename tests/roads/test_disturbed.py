@@ -112,14 +112,14 @@ def busy() -> RecordedTraffic:
     return record(crossing(IntersectionSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)
 
 
-def test_events_are_drawn_by_seed_where_a_collision_is_possible(busy: RecordedTraffic) -> None:
+def test_events_are_where_a_collision_is_possible(busy: RecordedTraffic) -> None:
     events = TrafficEvents(busy, has_lights=True)
     for kind in TrafficEventKind:
-        first, again = (events.draw(kind, np.random.default_rng(5)) for _ in range(2))
-        assert first == again
+        found, again = (events.situations(kind, np.random.default_rng(5)) for _ in range(2))
+        assert found == again
     crashes = 0
     for seed in range(8):
-        event = events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(seed))
+        event = found[seed * len(found) // 8].event
         traffic = DisturbedTraffic(busy, event, ALERT, seed)
         for second in range(-1, 8):
             traffic.cars_at(event.at_s + second)
@@ -134,9 +134,9 @@ def test_without_crossing_paths_there_is_no_red_light_runner() -> None:
     for has_lights in (True, False):
         events = TrafficEvents(platoon(3), has_lights=has_lights)
         with pytest.raises(NoEventError, match="no paths in this recording cross"):
-            events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
+            events.situations(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
     with pytest.raises(NoEventError, match="followed closely"):
-        TrafficEvents(platoon(1), has_lights=False).draw(
+        TrafficEvents(platoon(1), has_lights=False).situations(
             TrafficEventKind.SUDDEN_BRAKE, np.random.default_rng(0)
         )
 
@@ -162,12 +162,12 @@ def test_a_shifted_car_needs_distance_to_others() -> None:
     events = TrafficEvents(RecordedTraffic(drives), has_lights=False)
 
     with pytest.raises(NoEventError, match="every shifted car would be within 7 m"):
-        events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
+        events.situations(TrafficEventKind.RED_LIGHT, np.random.default_rng(0))
 
 
 def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
     with pytest.raises(NoEventError, match="followed closely"):
-        TrafficEvents(RecordedTraffic([]), has_lights=False).draw(
+        TrafficEvents(RecordedTraffic([]), has_lights=False).situations(
             TrafficEventKind.SUDDEN_BRAKE, np.random.default_rng(0)
         )
 
@@ -189,7 +189,9 @@ def test_a_shifted_car_does_not_overlap_the_car_ahead() -> None:
     events = TrafficEvents(recording, has_lights=False)
 
     drawn = [
-        events.draw(TrafficEventKind.RED_LIGHT, np.random.default_rng(seed)) for seed in range(40)
+        situation.event
+        for seed in range(10)
+        for situation in events.situations(TrafficEventKind.RED_LIGHT, np.random.default_rng(seed))
     ]
 
     assert {event.car for event in drawn} == {0, 1, 2}

@@ -1,6 +1,7 @@
 """Fig. 9 and Fig. 3 of the MVS paper, in small campaigns, and the functions behind them."""
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from onboard.errors import UserError
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.events import TrafficEventKind
-from sim_rig.studies import mvs_encounter, mvs_scenes
+from sim_rig.studies import mvs_events, mvs_scenes
 from sim_rig.studies.campaign import CampaignError, Workers
 from sim_rig.studies.catalogue import run_study
 from sim_rig.studies.mvs_collisions import (
@@ -21,11 +22,12 @@ from sim_rig.studies.mvs_collisions import (
     run_one,
 )
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
+from sim_rig.studies.mvs_events import EventSample
 from sim_rig.studies.mvs_outcomes import CrashOutcome, CrashPair
 from sim_rig.studies.mvs_scenes import SceneName
 
 ENCOUNTER = EncounterSettings(
-    scene=SceneName.OWN_CROSSING, warm_s=0.5, watched_s=1.5, after_s=4.0, near_m=20.0
+    scenes=(SceneName.OWN_CROSSING,), warm_s=0.5, watched_s=1.5, after_s=4.0, near_m=20.0
 )
 SMALL = CollisionSettings(
     runs=1, shares=(0.2,), methods=(Method.DSRC, Method.MVS), compared_at=None, encounter=ENCOUNTER
@@ -57,8 +59,8 @@ def test_every_case_has_the_same_event_for_one_seed() -> None:
     assert run_one(SMALL, len(of_a_seed))["seed"] == SMALL.seed + 1
 
 
-CRASH = Crash(5.0, ("ann", "bob"), 8.0)
-OTHERS = Crash(5.5, ("bob", "cid"), 8.0)
+CRASH = Crash(5.0, ("ann", "bob"), 8.0, 0.0)
+OTHERS = Crash(5.5, ("bob", "cid"), 8.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,7 @@ def platoon_of(*names: str) -> Cars:
 
 def test_events_that_radios_cannot_change_count_as_without_radios() -> None:
     """Neither car of the crash has a radio, so a skipped run has the result of a run."""
-    settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,)})
+    settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,), "seed": 4})
     some = settings.model_copy(update={"unaffected_every": 100})
 
     rows = [run_one(each, number) for each in (settings, some) for number in (1, 6)]
@@ -108,7 +110,7 @@ def test_events_that_radios_cannot_change_count_as_without_radios() -> None:
 
 def test_each_way_in_which_the_two_cars_have_radios_counts_with_its_probability() -> None:
     """The red light of this seed ends in a crash without radios, the braking does not."""
-    settings = SMALL.model_copy(update={"methods": (Method.DSRC,), "seed": 3})
+    settings = SMALL.model_copy(update={"methods": (Method.DSRC,), "seed": 4})
     none, crash = ([run_one(settings, number) for number in range(n, n + 4)] for n in (1, 6))
 
     assert [row["probability"] for row in none] == [1.0, 0.0, 0.0, 0.0]
@@ -122,7 +124,8 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(
         "runs: 1\nshares: [0.1]\nmethods: [dsrc, mvs]\ncompared_at: null\n"
-        "encounter: {scene: own-crossing, warm_s: 0.5, watched_s: 0.5, after_s: 3.0, near_m: 20}\n"
+        "encounter:\n"
+        "  {scenes: [own-crossing], warm_s: 0.5, watched_s: 0.5, after_s: 3.0, near_m: 20}\n"
     )
 
     summary = run_study("mvs-figure9", tmp_path / "out", path, Workers())
@@ -157,7 +160,7 @@ def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
 
 
 def test_figure_3_is_written(tmp_path: Path) -> None:
-    encounter = {"scene": "own-crossing", "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
+    encounter = {"scenes": ["own-crossing"], "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
 
     given = {"runs": 1, "shares": [0.1], "encounter": encounter}
     summary = run_study("mvs-figure3", tmp_path, None, Workers(), given)
@@ -178,7 +181,7 @@ def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
         ENCOUNTER.model_copy(update={"warm_s": 0.6, "watched_s": 2.5, "near_m": 20.0})
     )
     equipped_runner, unequipped_runner = (
-        scene.run(EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 0.1, pair_radios=pair), 2)
+        scene.run(EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 0.1, pair_radios=pair), 0)
         for pair in ((True, True), (True, False))
     )
 
@@ -200,11 +203,11 @@ def test_a_car_that_reaches_the_event_later_has_a_radio() -> None:
     scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
     all_cars = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
 
-    for seed in (0, 2, 3, 4):
+    for seed in (0, 4, 8):
         crash, _ = scene.without_radios(all_cars, seed)
-        event = scene._event(TrafficEventKind.RED_LIGHT, seed)
-        cars = scene.recording.cars_at(event.at_s - ENCOUNTER.warm_s)
-        equipped = scene._equipped(all_cars, seed, cars, event)
+        of = scene.event(TrafficEventKind.RED_LIGHT, seed)
+        cars = of.recording.cars_at(of.event.at_s - ENCOUNTER.warm_s)
+        equipped = scene._equipped(all_cars, seed, cars, of)
 
         assert crash is not None
         assert set(crash.names) <= equipped
@@ -224,7 +227,7 @@ def test_traffic_may_be_a_users_file(tmp_path: Path) -> None:
         update={
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "shares": (1.0,),
-            "encounter": ENCOUNTER.model_copy(update={"scene": trace}),
+            "encounter": ENCOUNTER.model_copy(update={"scenes": (trace,)}),
         }
     )
     rows_of = [run_one(settings, number) for number in (0, 4, 8)]
@@ -240,20 +243,20 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
     data, out = tmp_path / "data", tmp_path / "out"
     monkeypatch.setenv("RIG_DATA", str(data))
     monkeypatch.setattr(mvs_scenes, "_DRIVEN_S", 40.0)
-    monkeypatch.setattr(mvs_encounter, "open_scene", mvs_scenes.open_scene.__wrapped__)
+    monkeypatch.setattr(mvs_events, "open_scene", mvs_scenes.open_scene.__wrapped__)
     settings = SMALL.model_copy(
         update={
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
             "methods": (Method.DSRC,),
             "encounter": ENCOUNTER.model_copy(
-                update={"scene": SceneName.CROSSING, "watched_s": 0.5, "after_s": 1.0}
+                update={"scenes": (SceneName.CROSSING,), "watched_s": 0.5, "after_s": 1.0}
             ),
         }
     )
 
     figure9(out, settings)
 
-    assert "  scene: sumo-crossing\n" in (out / "settings.yaml").read_text()
+    assert "  scenes:\n  - sumo-crossing\n" in (out / "settings.yaml").read_text()
     (data / "traces").mkdir(parents=True)
     (data / "traces" / "crossing-signals-100-cars.csv.gz").touch()
     with pytest.raises(CampaignError, match="other settings"):
@@ -262,4 +265,26 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
 
 def test_an_unknown_scene_is_an_error_that_lists_the_scenes(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"crossing, .*, city, .*a \.sumocfg, or a trace's file"):
-        Encounters(EncounterSettings(scene=tmp_path / "none.csv"))
+        Encounters(EncounterSettings(scenes=(tmp_path / "none.csv",)))
+
+
+def test_the_events_of_several_scenes_take_turns(tmp_path: Path) -> None:
+    """In each, three cars follow each other: two pairs."""
+    scenes = tuple(tmp_path / f"{name}.csv" for name in ("one", "other"))
+    for scene in scenes:
+        rows = [
+            f"{at_s:.1f},car{number},{15.0 * at_s - 16.0 * number},0,0,15,4,2"
+            for at_s in np.arange(0.0, 30.0, 0.1)
+            for number in range(3)
+        ]
+        scene.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    kind = TrafficEventKind.SUDDEN_BRAKE
+
+    samples = [EventSample(scenes) for _ in range(2)]
+    events, again = ([sample.event(kind, number) for number in range(8)] for sample in samples)
+
+    assert all(one.source != next_one.source for one, next_one in pairwise(events))
+    assert [of.event for of in events] == [of.event for of in again]
+    assert {(of.source, of.event.car) for of in events[:4]} == {
+        (scene, car) for scene in scenes for car in (0, 1)
+    }
