@@ -1,4 +1,4 @@
-"""Commands of the rig: list and run scenarios, run studies, show a run of a study.
+"""Commands of the rig: list and run scenarios, run studies, show a run.
 
 What a command needs is imported when it runs: `--help` and `list` take no second, and without the
 extra `rig` they work.
@@ -96,6 +96,36 @@ def run(
             boxes=box or (),
             virtual_others=virtual_others,
         )
+    raise typer.Exit(outcome)
+
+
+@app.command()
+def ladder(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A name that `list` shows, or a YAML file.",
+            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+        ),
+    ],
+    *,
+    out: Annotated[Path, typer.Option(help="Folder for traces, logs and pictures.")] = Path("out"),
+    box: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CAR=FILE",
+            help="A car that is hardware on the last rung, with the file of its wires; repeat it.",
+        ),
+    ] = None,
+) -> None:
+    """Run a scenario in virtual time, with processes, and with boxes; compare what was decided.
+
+    Exit with 1 if an expectation failed on a rung, and with 3 if a box could not be judged.
+    """
+    from sim_rig.runs.ladder import climb  # noqa: PLC0415 (see above)
+
+    with _writing(out):
+        outcome = climb(scenario, out, box or ())
     raise typer.Exit(outcome)
 
 

@@ -3,14 +3,14 @@
 # own, on the wires of red.yaml; the bus is served by socketcand. Needs no root, util-linux and
 # iproute2; sim-rig and onboard are those of the PYTHON that is given.
 #
-#   PYTHON=.venv/bin/python examples/box/namespaces.sh [SCENARIO [OPTION]...]
+#   PYTHON=.venv/bin/python examples/box/namespaces.sh [ladder SCENARIO | run SCENARIO [OPTION]...]
 set -eu
 if [ -z "${IN_NAMESPACES:-}" ]; then
     IN_NAMESPACES=1 exec unshare --user --map-root-user --net --pid --mount-proc --fork \
         --kill-child "$0" "$@"
 fi
 here=$(dirname "$0")
-[ $# -gt 0 ] || set -- fig4 --virtual-others
+[ $# -gt 0 ] || set -- ladder fig4
 folder=out/box
 rm -rf "$folder"
 mkdir -p "$folder"
@@ -34,5 +34,6 @@ nsenter --target "$box" --net sh -c '
     ip link set lo up; ip address add 192.168.77.2/24 dev box; ip link set box up
 '
 "$PYTHON" -m sim_rig doctor "$folder/red.yaml" --out "$folder"
-"$PYTHON" -m sim_rig run "$@" --box "red=$folder/red.yaml" --out "$folder"
-"$PYTHON" -m onboard replay --expect "$folder/$1-live/box/red"
+"$PYTHON" -m sim_rig "$@" --box "red=$folder/red.yaml" --out "$folder"
+case $1 in ladder) rung=box ;; *) rung=live ;; esac
+"$PYTHON" -m onboard replay --expect "$folder/$2-$rung/box/red"

@@ -6,7 +6,7 @@ import shutil
 import signal
 import time
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import typer
@@ -62,45 +62,72 @@ def run_scenario(
     hardware = load_boxes(boxes, loaded)
     console = Console(highlight=False)
     console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
-    if not virtual and not hardware and (why := _only_virtual(loaded)) is not None:
+    if not virtual and not hardware and (why := only_virtual(loaded)) is not None:
         console.print(f"{why}: in virtual time")
         virtual = True
     folder = out / f"{Path(scenario).stem}-{'virtual' if virtual else 'live'}"
     chosen = loaded.seed if seed is None else seed
+
+    def prepare(folder: Path) -> RunLog | LiveTestbench:
+        if virtual:
+            return run_in_virtual_time(loaded, chosen, folder)
+        return LiveTestbench(loaded, chosen, folder, hardware, virtual_others=virtual_others)
+
+    return run_and_report(loaded, chosen, prepare, folder, console, watch=watch)[1]
+
+
+def run_in_virtual_time(scenario: Scenario, seed: int, folder: Path) -> RunLog:
+    """Run in virtual time; the recordings go into `folder`, in place of earlier ones."""
+    shutil.rmtree(folder / "box", ignore_errors=True)
+    return run_virtual(scenario, seed, folder / "box")
+
+
+def run_and_report(
+    scenario: Scenario,
+    seed: int,
+    prepare: Callable[[Path], RunLog | LiveTestbench],
+    folder: Path,
+    console: Console,
+    *,
+    watch: bool = False,
+) -> tuple[RunLog, Outcome]:
+    """Run a scenario, write its files and print its report.
+
+    Args:
+        scenario: the scenario.
+        seed: of the run.
+        prepare: runs it in virtual time, or returns the testbench of a live run.
+        folder: for traces, recordings and picture.
+        console: where to print.
+        watch: show the engineer's page until Ctrl-C.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
     began = time.monotonic()
-    log = (
-        _run_virtual(loaded, chosen, folder)
-        if virtual
-        else _run_live(
-            LiveTestbench(loaded, chosen, folder, hardware, virtual_others=virtual_others), watch
-        )
-    )
+    prepared = prepare(folder)
+    log = _run_live(prepared, watch) if isinstance(prepared, LiveTestbench) else prepared
     took_s = time.monotonic() - began
     log.write(folder)
-    draw_timeline(loaded, log, folder / "timeline.png")
-    print_report(loaded, log, console)
+    draw_timeline(scenario, log, folder / "timeline.png")
+    print_report(scenario, log, console)
     console.print(
-        f"{loaded.duration_s:g} s in {took_s:.1f} s, seed {chosen}; traces,"
+        f"{scenario.duration_s:g} s in {took_s:.1f} s, seed {seed}; traces,"
         f" recordings and picture in {folder}"
     )
-    judged = verdict(loaded, log)
-    print_verdict(judged, len(loaded.expect), console)
+    judged = verdict(scenario, log)
+    print_verdict(judged, len(scenario.expect), console)
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    if judged.outcome is Outcome.FAILED and not virtual and load > cores:
+    if judged.outcome is Outcome.FAILED and prepared is not log and load > cores:
         console.print(
             f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
             " run it again when it is not, or with --virtual.",
             soft_wrap=True,
         )
-    return judged.outcome
+    return log, judged.outcome
 
 
-def _run_virtual(scenario: Scenario, seed: int, folder: Path) -> RunLog:
-    shutil.rmtree(folder / "box", ignore_errors=True)
-    return run_virtual(scenario, seed, folder / "box")
-
-
-def _only_virtual(scenario: Scenario) -> str | None:
+def only_virtual(scenario: Scenario) -> str | None:
     """Reason why the scenario cannot run live on this machine; `None` if it can."""
     if scenario.gnss is not None and gpsd_program() is None:
         return "gpsd is not installed (Debian: gpsd)"

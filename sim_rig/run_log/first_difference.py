@@ -1,0 +1,113 @@
+"""Where the decisions of two runs of one scenario first differ, car by car."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+
+from sim_rig.run_log.run_log import Record, RunLog
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """A decision of a car: a change in its group, hard braking, a warning, an alarm."""
+
+    at_s: float
+    """Since the start of the scenario."""
+    car: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Two decisions that should be one; `None` where a run has no further one of that car."""
+
+    one: Decision | None
+    other: Decision | None
+
+    @property
+    def at_s(self) -> float:
+        """The earlier time of the two."""
+        return min(each.at_s for each in (self.one, self.other) if each is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two runs side by side."""
+
+    decisions: int
+    """Those that both made, within the tolerance, up to the first difference of each car."""
+    first: Difference | None
+    """The first difference in what was decided, or in when by more than the tolerance."""
+    latest: Difference | None
+    """Of the decisions that both made, the one whose times differ most."""
+
+
+def compare(one: RunLog, other: RunLog, within_s: float) -> Comparison:
+    """Compare the runs; cars without a trace in both are left out.
+
+    Args:
+        one: a run.
+        other: another run of the same scenario.
+        within_s: times of one decision may differ by this.
+    """
+    made = 0
+    first: list[Difference] = []
+    same: list[Difference] = []
+    for car in one.traces.keys() & other.traces.keys():
+        for pair in zip_longest(_decisions(one, car), _decisions(other, car)):
+            difference = Difference(*pair)
+            if not _is_one(difference, within_s):
+                first.append(difference)
+                break
+            made += 1
+            same.append(difference)
+    return Comparison(
+        made,
+        min(first, key=lambda each: each.at_s, default=None),
+        max(same, key=_apart_s, default=None),
+    )
+
+
+def _is_one(difference: Difference, within_s: float) -> bool:
+    if difference.one is None or difference.other is None:
+        return False
+    return difference.one.what == difference.other.what and _apart_s(difference) <= within_s
+
+
+def _apart_s(difference: Difference) -> float:
+    assert difference.one is not None  # noqa: S101 (both are there where times are compared)
+    assert difference.other is not None  # noqa: S101
+    return abs(difference.one.at_s - difference.other.at_s)
+
+
+def _decisions(log: RunLog, car: str) -> Iterator[Decision]:
+    """Those of one car from the start of the scenario on; cautions depend on noise and are none."""
+    is_braking = False
+    for record in log.traces[car]:
+        if record["kind"] == "hard_brake":
+            begins, is_braking = not is_braking, not record["is_over"]
+            if not (begins and is_braking):
+                continue
+        what, at_s = _what(log, record), log.at_s(record)
+        if what is not None and at_s >= 0.0:
+            yield Decision(at_s, car, what)
+
+
+def _what(log: RunLog, record: Record) -> str | None:
+    what: str | None = None
+    match record:
+        case {"kind": "transition", "cause": "refresh"}:
+            pass
+        case {"kind": "transition", "state": "member", "group_number": number, "leader_id": leader}:
+            what = f"member {number} behind {log.name(leader)}"
+        case {"kind": "transition", "state": state}:
+            what = str(state)
+        case {"kind": "hard_brake"}:
+            what = "brakes hard"
+        case {"kind": "warning", "origin_id": origin}:
+            what = f"warned by {log.name(origin)}"
+        case {"kind": "alarm", "cause": cause, "level": "warning"}:
+            what = f"alarm: {cause}"
+        case {"kind": "sensor_lost" | "sensor_recovered" as kind, "sensor": sensor}:
+            what = f"{sensor} {kind.removeprefix('sensor_')}"
+    return what

@@ -1,0 +1,99 @@
+"""One scenario on each rung: virtual time, processes in real time, and with boxes."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from rich import box as borders
+from rich.console import Console
+from rich.table import Table
+
+from onboard.errors import UserError
+from sim_rig.boxes.settings import load_boxes
+from sim_rig.reporting.verdict import Outcome
+from sim_rig.run_log.first_difference import Comparison, Decision, compare
+from sim_rig.run_log.latency_ledger import HOPS, ledger
+from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.command import only_virtual, run_and_report, run_in_virtual_time
+from sim_rig.runs.live import LiveTestbench
+from sim_rig.scenario.schema import load_scenario
+
+WITHIN_S = 0.5
+"""Times of one decision on two rungs may differ by this: images and polls have other phases."""
+
+
+def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
+    """Run a scenario on each rung, and print where decisions and latencies first differ.
+
+    Args:
+        scenario: its name or file.
+        out: folder of the runs' folders.
+        boxes: `CAR=FILE` for each car that is a box on the last rung; the rig steps the others.
+
+    Returns:
+        The worst outcome of a rung.
+
+    Raises:
+        UserError: there is no such scenario, it cannot run live, or it or a file has mistakes.
+        OSError: a folder cannot be written.
+    """
+    loaded = load_scenario(scenario)
+    if (why := only_virtual(loaded)) is not None:
+        raise UserError(f"{scenario}: has the rung of virtual time only: {why}")
+    hardware = load_boxes(boxes, loaded)
+    rungs: dict[str, Callable[[Path], RunLog | LiveTestbench]] = {
+        "virtual": lambda folder: run_in_virtual_time(loaded, loaded.seed, folder),
+        "processes": lambda folder: LiveTestbench(loaded, loaded.seed, folder),
+    }
+    if hardware:
+        rungs["box"] = lambda folder: LiveTestbench(
+            loaded, loaded.seed, folder, hardware, virtual_others=True
+        )
+    console = Console(highlight=False)
+    console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
+    logs: dict[str, RunLog] = {}
+    outcomes: list[Outcome] = []
+    for rung, prepare in rungs.items():
+        console.rule(rung)
+        folder = out / f"{Path(scenario).stem}-{rung}"
+        logs[rung], outcome = run_and_report(loaded, loaded.seed, prepare, folder, console)
+        outcomes.append(outcome)
+    console.rule("ladder")
+    console.print(_latencies(logs))
+    for lower, higher in pairwise(logs):
+        found = compare(logs[lower], logs[higher], WITHIN_S)
+        console.print(f"{lower} and {higher}: {_sentence(found)}", soft_wrap=True)
+    return max(outcomes)
+
+
+def _latencies(logs: dict[str, RunLog]) -> Table:
+    table = Table(title="Latencies, p50 ms", box=borders.SIMPLE, title_justify="left")
+    table.add_column("rung")
+    for hop in (*HOPS, "chain"):
+        table.add_column(hop, justify="right")
+    for rung, log in logs.items():
+        p50_ms = {line.hop: f"{line.p50_s * 1e3:.1f}" for line in ledger(log)}
+        table.add_row(rung, *(p50_ms.get(hop, "") for hop in (*HOPS, "chain")))
+    return table
+
+
+def _sentence(found: Comparison) -> str:
+    if found.first is None:
+        latest = found.latest
+        if latest is None or latest.one is None or latest.other is None:
+            return "no decisions"
+        apart_s = abs(latest.one.at_s - latest.other.at_s)
+        return (
+            f"the same {found.decisions} decisions; the times of {latest.one.car}'s"
+            f" «{latest.one.what}» differ most, by {apart_s:.2f} s"
+        )
+    one, other = found.first.one, found.first.other
+    car = (one or other).car  # type: ignore[union-attr]  # one of the two is there
+    return (
+        f"{found.decisions} decisions are the same; they first differ at {found.first.at_s:.1f} s:"
+        f" {car} {_decided(one)} and {_decided(other)}"
+    )
+
+
+def _decided(decision: Decision | None) -> str:
+    return "nothing more" if decision is None else f"«{decision.what}» at {decision.at_s:.2f} s"
