@@ -18,8 +18,8 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
-    """Two decisions that should be one; `None` where a run has no further one of that car."""
+class DecisionPair:
+    """What two runs decided in turn; `None` where a run has no further one of that car."""
 
     one: Decision | None
     other: Decision | None
@@ -31,18 +31,18 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RunComparison:
     """Two runs side by side."""
 
     decisions: int
     """Those that both made, within the tolerance, up to the first difference of each car."""
-    first: Difference | None
+    first: DecisionPair | None
     """The first difference in what was decided, or in when by more than the tolerance."""
-    latest: Difference | None
+    latest: DecisionPair | None
     """Of the decisions that both made, the one whose times differ most."""
 
 
-def compare(one: RunLog, other: RunLog, within_s: float) -> Comparison:
+def compare(one: RunLog, other: RunLog, within_s: float) -> RunComparison:
     """Compare the runs; cars without a trace in both are left out.
 
     Args:
@@ -51,30 +51,30 @@ def compare(one: RunLog, other: RunLog, within_s: float) -> Comparison:
         within_s: times of one decision may differ by this.
     """
     made = 0
-    first: list[Difference] = []
-    same: list[Difference] = []
+    first: list[DecisionPair] = []
+    same: list[DecisionPair] = []
     for car in one.traces.keys() & other.traces.keys():
         for pair in zip_longest(_decisions(one, car), _decisions(other, car)):
-            difference = Difference(*pair)
+            difference = DecisionPair(*pair)
             if not _is_one(difference, within_s):
                 first.append(difference)
                 break
             made += 1
             same.append(difference)
-    return Comparison(
+    return RunComparison(
         made,
         min(first, key=lambda each: each.at_s, default=None),
         max(same, key=_apart_s, default=None),
     )
 
 
-def _is_one(difference: Difference, within_s: float) -> bool:
+def _is_one(difference: DecisionPair, within_s: float) -> bool:
     if difference.one is None or difference.other is None:
         return False
     return difference.one.what == difference.other.what and _apart_s(difference) <= within_s
 
 
-def _apart_s(difference: Difference) -> float:
+def _apart_s(difference: DecisionPair) -> float:
     assert difference.one is not None  # noqa: S101 (both are there where times are compared)
     assert difference.other is not None  # noqa: S101
     return abs(difference.one.at_s - difference.other.at_s)

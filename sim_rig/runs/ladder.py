@@ -11,7 +11,7 @@ from rich.table import Table
 from onboard.errors import UserError
 from sim_rig.boxes.settings import load_boxes
 from sim_rig.reporting.verdict import Outcome
-from sim_rig.run_log.first_difference import Comparison, Decision, compare
+from sim_rig.run_log.first_difference import Decision, RunComparison, compare
 from sim_rig.run_log.latency_ledger import HOPS, ledger
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.command import only_virtual, run_and_report, run_in_virtual_time
@@ -77,7 +77,7 @@ def _latencies(logs: dict[str, RunLog]) -> Table:
     return table
 
 
-def _sentence(found: Comparison) -> str:
+def _sentence(found: RunComparison) -> str:
     if found.first is None:
         latest = found.latest
         if latest is None or latest.one is None or latest.other is None:
