@@ -24,6 +24,8 @@ from onboard.obd.socketcand import ProtocolError, parse_element
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Position
 from onboard.security import p256
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.peer_to_peer import decode_ca_certs
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.settings import SettingsError, parse_settings, parse_yaml
 from onboard.tools.decode.describe import describe
@@ -214,6 +216,7 @@ TARGETS = {
     "capture": Target(_capture, (CaptureError,)),
     "describe": Target(describe),
     "ieee1609dot2": Target(_security, (NotTrusted,)),
+    "peer_to_peer": Target(decode_ca_certs, (Malformed, Unsupported)),
     "bsm": _codec(bsm.decode, bsm.encode),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
     "spat": _codec(spat.decode, spat.encode, 2e-2),

@@ -17,6 +17,9 @@ SENSOR_SHARING = 0x90
 MAP = 0x204097
 """Intersection geometry: the J2735 MapData message; p-encoded as 0pE0-00-00-17."""
 
+PEER_TO_PEER = 0x88
+"""Peer-to-peer distribution of certificates (IEEE 1609.2, clause 8)."""
+
 CRL = 0x100
 """Certificate revocation lists (IEEE 1609.2, 7.4)."""
 
@@ -46,7 +49,7 @@ NAMES = {
     0x83: "traveler information and roadside signage",
     0x85: "emergency and erratic vehicles",
     0x87: "WAVE service advertisement",
-    0x88: "peer-to-peer distribution of security management information",
+    PEER_TO_PEER: "peer-to-peer distribution of security management information",
     SENSOR_SHARING: "sensor sharing service",
     0x91: "maneuver coordination service",
     CRL: "certificate revocation list",

@@ -17,6 +17,11 @@ from onboard.security.security_services import NotTrusted, Opened, SecurityServi
 from onboard.wave_udp.radio_queue import RadioQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
 
+ANSWER_PRIORITY = 1
+"""User priority of certificates for others: the lowest, background."""
+ANSWER_LIFETIME_S = 1.0
+"""Time such an answer may wait for the radio: who asks, asks again."""
+
 
 @dataclass(frozen=True, slots=True)
 class MessageSent:
@@ -81,6 +86,9 @@ class WaveLink(Core):
         """
         try:
             wsm = decode(data)
+            if wsm.psid == psid.PEER_TO_PEER and self._security.verifies:
+                self._security.receive_ca_certs(wsm.payload, now)
+                return None
             if wsm.psid in self._psids:
                 return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
             self._discarded.append(Discarded(now, "wsmp", "unknown_psid", f"0x{wsm.psid:X}"))
@@ -102,12 +110,15 @@ class WaveLink(Core):
 
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
+        for answer in self._security.distribution.answers_to_send(now):
+            wsm = encode(WaveShortMessage(psid.PEER_TO_PEER, answer))
+            self._queue.put(wsm, ANSWER_PRIORITY, now + ANSWER_LIFETIME_S, now)
         return self._queue.wsms_to_send(now)
 
     @override
     def get_timer(self) -> float:
-        """Return when the radio is free for the next queued frame; `math.inf` without one."""
-        return self._queue.get_timer()
+        """Return when a queued frame or an answer may be sent; `math.inf` without one."""
+        return min(self._queue.get_timer(), self._security.distribution.get_timer())
 
     @override
     def next_event(self) -> Discarded | None:

@@ -61,6 +61,8 @@ class SignedData:
     """HashedId8 of the signer's certificate, or the certificate and its chain."""
     signature: p256.Signature
     to_be_signed: bytes
+    p2pcd_request: bytes | None = None
+    """HashedId3 of a certificate that the sender asks for."""
 
     @property
     def generation_utc_s(self) -> float | None:
@@ -79,6 +81,8 @@ def encode_to_be_signed(
     generation_time64: int | None,
     expiry_time64: int | None = None,
     location: Location | None = None,
+    *,
+    p2pcd_request: bytes | None = None,
 ) -> bytes:
     """Return the ToBeSignedData that the signature covers.
 
@@ -88,6 +92,7 @@ def encode_to_be_signed(
         generation_time64: generation time (Time64), if any.
         expiry_time64: expiry time (Time64), if any.
         location: generation location, if any.
+        p2pcd_request: HashedId3 of a certificate that is asked for, if any.
     """
     present = 0
     header = [oer.unsigned(psid)]
@@ -100,6 +105,9 @@ def encode_to_be_signed(
     if location is not None:
         present |= _LOCATION
         header.append(_encode_location(location))
+    if p2pcd_request is not None:
+        present |= _P2PCD
+        header.append(p2pcd_request)
     return b"".join((_PAYLOAD_ONLY, encode_unsecured(payload), bytes((present,)), *header))
 
 
@@ -184,13 +192,13 @@ def _read_content(reader: OerReader) -> int:
 
 def _read_signed(reader: OerReader) -> SignedData:
     header = _read_to_be_signed(reader)
-    return SignedData(*header[:-1], _read_signer(reader), read_signature(reader), header[-1])
+    return SignedData(*header[:5], _read_signer(reader), read_signature(reader), *header[5:])
 
 
 def _read_to_be_signed(
     reader: OerReader,
-) -> tuple[bytes, int, int | None, int | None, Location | None, bytes]:
-    """Return payload, PSID, generation and expiry time, location, and all of it as encoded."""
+) -> tuple[bytes, int, int | None, int | None, Location | None, bytes, bytes | None]:
+    """Return payload, PSID, generation and expiry time, location, all as encoded, and request."""
     start = reader.position
     if reader.byte() != _PAYLOAD_ONLY[0]:
         raise Unsupported("a signature over something else than a payload")
@@ -202,14 +210,15 @@ def _read_to_be_signed(
     generation_time64 = reader.integer(8) if present & _GENERATION else None
     expiry_time64 = reader.integer(8) if present & _EXPIRY else None
     location = _read_location(reader) if present & _LOCATION else None
-    if present & _P2PCD:
-        reader.take(3)
+    p2pcd_request = reader.take(3) if present & _P2PCD else None
     if present & (_MISSING_CRL | _ENCRYPTION):
         raise Unsupported("a header that asks for revocation lists or encryption")
     if present & _EXTENDED:
         reader.skip_additions()
     to_be_signed = reader.data[start : reader.position]
-    return payload, psid, generation_time64, expiry_time64, location, to_be_signed
+    return (
+        payload, psid, generation_time64, expiry_time64, location, to_be_signed, p2pcd_request
+    )  # fmt: skip
 
 
 def _read_signer(reader: OerReader) -> bytes | tuple[Certificate, ...]:

@@ -13,6 +13,7 @@ from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64, to_time64
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.peer_to_peer import CertificateDistribution, decode_ca_certs
 from onboard.security.region import GeographicRegion, TwoDLocation
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
@@ -78,10 +79,14 @@ class SecurityServices:
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
+        self.distribution = CertificateDistribution((), b"")
+        """Of certificates that vehicles lack."""
         if credentials is not None:
             self._own_ids = frozenset(own.certificate.hashed_id8 for own in credentials.pseudonyms)
             self._credential = credentials.pseudonyms[0]
             self._trust = trust_store(credentials)
+            own_id = credentials.pseudonyms[0].certificate.hashed_id8
+            self.distribution = CertificateDistribution(credentials.authorities, own_id)
 
     def sign_with(self, credential: Credential) -> None:
         """Use `credential` from now on; the next message carries its certificate."""
@@ -126,7 +131,10 @@ class SecurityServices:
             return ieee1609dot2.encode_unsecured(payload)
         generation = self._generation_time64(now)
         expiry = None if expires_in_s is None else generation + round(expires_in_s * 1e6)
-        to_be_signed = ieee1609dot2.encode_to_be_signed(payload, psid, generation, expiry, location)
+        request = self.distribution.request_to_send(now) if psid == BSM else None
+        to_be_signed = ieee1609dot2.encode_to_be_signed(
+            payload, psid, generation, expiry, location, p2pcd_request=request
+        )
         certificate = self._credential.certificate
         digest = p256.digest_to_sign(to_be_signed, certificate.digest)
         return ieee1609dot2.encode_signed(
@@ -181,7 +189,31 @@ class SecurityServices:
             raise NotTrusted(RejectionReason.WRONG_PSID, f"signed for 0x{message.psid:X}")
         if self._trust is None:
             return Opened(message.payload, None, message.generation_utc_s)
-        return self._verify(message, self._trust, now + self.utc_offset_s)
+        if message.p2pcd_request is not None:
+            self.distribution.receive_request(message.p2pcd_request, now)
+        try:
+            return self._verify(message, self._trust, now + self.utc_offset_s)
+        except NotTrusted as refusal:
+            if refusal.reason is RejectionReason.UNKNOWN_ISSUER:
+                self.distribution.receive_unknown_issuer(bytes.fromhex(refusal.detail), now)
+            raise
+
+    def receive_ca_certs(self, data: bytes, now: float) -> None:
+        """Keep the certificates in an answer that was asked for (`peer_to_peer`).
+
+        Raises:
+            NotTrusted: it is malformed, or one of them cannot be verified.
+        """
+        if self._trust is None:
+            return
+        try:
+            certificates = decode_ca_certs(data)
+        except Malformed as malformed:
+            raise NotTrusted(RejectionReason.MALFORMED, str(malformed)) from malformed
+        except Unsupported as unsupported:
+            raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
+        for certificate in self.distribution.wanted(certificates, now):
+            self._trust.receive(certificate)
 
     def _verify(self, message: SignedData, trust: TrustStore, utc_s: float) -> Opened:
         generation = self._check_time(message, utc_s)

@@ -1,0 +1,160 @@
+"""Peer-to-peer certificate distribution (IEEE 1609.2-2022, clause 8), without I/O.
+
+A vehicle that does not know an issuer names it in its next BSM (`p2pcdLearningRequest`). Who has
+that certificate answers with it and those above it, but the root (Ieee1609dot2Peer2PeerPDU, PSID
+0x88). The answer is unsigned: certificates are verified by themselves.
+
+A request is honoured unverified, for who asks is often unknown to whom it asks. Anybody can make a
+vehicle answer, so a certificate is sent at most once in `ANSWER_INTERVAL_S`, and not after
+`ENOUGH_ANSWERS` of others: a flood of requests brings no more. Times are ours; those of the
+standard's profile (SAE J2945/1) are not public.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable
+
+from typing_extensions import override
+
+from onboard.core import Core
+from onboard.security.certificate_codec import read_certificate
+from onboard.security.certificates import Certificate
+from onboard.security.oer import Malformed, OerReader, Unsupported, choice, sequence
+
+REQUEST_INTERVAL_S = 1.0
+"""Between requests: one message of ten asks."""
+REQUEST_LIFETIME_S = 5.0
+"""For which an issuer is asked for, and an answer taken, after a message under it."""
+BACKOFF_S = 0.25
+"""Within which answers are spread."""
+ANSWER_INTERVAL_S = 2.0
+"""Between two answers with one certificate."""
+ENOUGH_ANSWERS = 3
+"""Of others, after which an answer that waits is dropped."""
+MOST_REQUESTED = 16
+"""Issuers that are asked for at a time, the newest."""
+
+_VERSION = 1
+_MOST_CERTIFICATES = 8
+
+
+def hashed_id3(hashed_id8: bytes) -> bytes:
+    """Return the HashedId3 of the certificate with this HashedId8."""
+    return hashed_id8[-3:]
+
+
+def encode_ca_certs(chain: Iterable[Certificate]) -> bytes:
+    """Return the Ieee1609dot2Peer2PeerPDU with `chain`, each certificate issued by the next."""
+    return bytes((_VERSION,)) + choice(0) + sequence([each.encoded for each in chain])
+
+
+def decode_ca_certs(data: bytes) -> tuple[Certificate, ...]:
+    """Return the certificates in an Ieee1609dot2Peer2PeerPDU.
+
+    Raises:
+        Malformed: the bytes are not one.
+        Unsupported: it is of another version, or has other content.
+    """
+    reader = OerReader(data)
+    if reader.byte() != _VERSION or reader.choice() != 0:
+        raise Unsupported("another peer-to-peer message than certificates of authorities")
+    count = reader.unsigned()
+    if not 1 <= count <= _MOST_CERTIFICATES:
+        raise Malformed(f"{count} certificates")
+    certificates = tuple(read_certificate(reader) for _ in range(count))
+    reader.finish()
+    return certificates
+
+
+class CertificateDistribution(Core):
+    """What to ask others for, and what to answer them."""
+
+    def __init__(self, chain: Iterable[Certificate], own_id: bytes) -> None:
+        """Start without requests.
+
+        Args:
+            chain: certificates of the authorities above the host vehicle's own, in any order.
+            own_id: HashedId8 of one of its own certificates, which spreads the answers.
+        """
+        by_id = {each.hashed_id8: each for each in chain}
+        self._answers = {
+            hashed_id3(key): encode_ca_certs(_up_from(each, by_id)) for key, each in by_id.items()
+        }
+        self._backoff_s = BACKOFF_S * int.from_bytes(own_id[:2]) / (1 << 16)
+        self._requested: OrderedDict[bytes, float] = OrderedDict()
+        """Until when, by the HashedId3 of the issuers that are not known."""
+        self._request_at = -math.inf
+        self._waiting: dict[bytes, tuple[float, int]] = {}
+        """When to answer, and the answers of others, by HashedId3."""
+        self._answered_at: dict[bytes, float] = {}
+
+    # ---- asking ---------------------------------------------------------------------------
+
+    def receive_unknown_issuer(self, issuer_id: bytes, now: float) -> None:
+        """Take the HashedId8 of an issuer that a message came under."""
+        self._requested[hashed_id3(issuer_id)] = now + REQUEST_LIFETIME_S
+        self._requested.move_to_end(hashed_id3(issuer_id))
+        if len(self._requested) > MOST_REQUESTED:
+            self._requested.popitem(last=False)
+
+    def request_to_send(self, now: float) -> bytes | None:
+        """Return the HashedId3 to ask for in a BSM that is sent now, each in turn."""
+        if now < self._request_at:
+            return None
+        self._forget(now)
+        if not self._requested:
+            return None
+        self._request_at = now + REQUEST_INTERVAL_S
+        wanted = next(iter(self._requested))
+        self._requested.move_to_end(wanted)
+        return wanted
+
+    def wanted(self, certificates: Iterable[Certificate], now: float) -> list[Certificate]:
+        """Take an answer of another vehicle; return it, the topmost certificate first.
+
+        Returns:
+            nothing, if its first certificate was not asked for.
+        """
+        chain = list(certificates)
+        answered = hashed_id3(chain[0].hashed_id8)
+        if answered in self._waiting:
+            at, others = self._waiting[answered]
+            self._waiting[answered] = at, others + 1
+            if others + 1 >= ENOUGH_ANSWERS:
+                del self._waiting[answered]
+        self._forget(now)
+        return chain[::-1] if self._requested.pop(answered, None) is not None else []
+
+    # ---- answering ------------------------------------------------------------------------
+
+    def receive_request(self, wanted: bytes, now: float) -> None:
+        """Take the HashedId3 that another vehicle asks for."""
+        last_at = self._answered_at.get(wanted, -math.inf)
+        is_due = now - last_at >= ANSWER_INTERVAL_S
+        if wanted in self._answers and wanted not in self._waiting and is_due:
+            self._waiting[wanted] = now + self._backoff_s, 0
+
+    def answers_to_send(self, now: float) -> list[bytes]:
+        """Return the answers that are due."""
+        due = [wanted for wanted, (at, _) in self._waiting.items() if at <= now]
+        for wanted in due:
+            del self._waiting[wanted]
+            self._answered_at[wanted] = now
+        return [self._answers[wanted] for wanted in due]
+
+    @override
+    def get_timer(self) -> float:
+        """Return when an answer is due; infinite without one."""
+        return min((at for at, _ in self._waiting.values()), default=math.inf)
+
+    def _forget(self, now: float) -> None:
+        for wanted in [key for key, until in self._requested.items() if until <= now]:
+            del self._requested[wanted]
+
+
+def _up_from(certificate: Certificate, by_id: dict[bytes, Certificate]) -> list[Certificate]:
+    """Return a certificate and those above it, as far as they are in `by_id`."""
+    chain = [certificate]
+    while (above := by_id.get(chain[-1].issuer_id or b"")) is not None and above not in chain:
+        chain.append(above)
+    return chain

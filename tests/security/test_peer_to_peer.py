@@ -1,0 +1,130 @@
+"""Certificates of authorities, asked for and answered among vehicles."""
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from onboard.psid import BSM, LCCA
+from onboard.security import ieee1609dot2, p256
+from onboard.security.peer_to_peer import (
+    ANSWER_INTERVAL_S,
+    BACKOFF_S,
+    ENOUGH_ANSWERS,
+    MOST_REQUESTED,
+    REQUEST_INTERVAL_S,
+    REQUEST_LIFETIME_S,
+    CertificateDistribution,
+    decode_ca_certs,
+    encode_ca_certs,
+    hashed_id3,
+)
+from onboard.security.rejection import NotTrusted
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms
+from tests.security.trial import ALICE, ISSUING, ROOT, UTC_S, VALID, reread
+
+NEW_KEY = p256.key_from(np.random.default_rng(8))
+OTHER_ISSUING = make_issuing(ROOT, "other issuing", new_key=NEW_KEY, **VALID)
+STRANGER = make_pseudonyms(OTHER_ISSUING, 1, {BSM, LCCA}, new_key=NEW_KEY, **VALID)
+ISSUER = ISSUING.credential.certificate
+WANTED = hashed_id3(ISSUER.hashed_id8)
+OWN_ID = b"\x80own-id."
+
+
+def answering() -> CertificateDistribution:
+    return CertificateDistribution([ISSUER], OWN_ID)
+
+
+def exchange(seconds: float) -> list[float]:
+    """Two vehicles under two authorities send BSMs; return when the first is accepted."""
+    vehicles = [SecurityServices(UTC_S, keys) for keys in (ALICE, STRANGER)]
+    accepted_at = []
+    for tenth in range(round(seconds * 10)):
+        now = 0.1 * tenth
+        for sender, receiver in (vehicles, vehicles[::-1]):
+            for answer in sender.distribution.answers_to_send(now):
+                receiver.receive_ca_certs(answer, now)
+            with suppress(NotTrusted):
+                receiver.open(sender.secure(b"bsm", BSM, now), BSM, now)
+                accepted_at.append(now)
+    return accepted_at
+
+
+def test_vehicles_under_two_authorities_of_one_root_learn_to_trust_each_other() -> None:
+    accepted_at = exchange(4.0)
+    assert accepted_at[0] < 2.0
+    assert sum(at >= 3.0 for at in accepted_at) == 20
+
+
+def test_a_request_is_in_the_header_that_public_asn1_describes(oracle) -> None:
+    to_be_signed = ieee1609dot2.encode_to_be_signed(b"bsm", BSM, 1, p2pcd_request=WANTED)
+    value = reread(oracle.ToBeSignedData, to_be_signed)
+    assert value["headerInfo"]["p2pcdLearningRequest"] == WANTED
+
+
+def test_an_answer_is_a_version_a_choice_and_certificates() -> None:
+    answer = encode_ca_certs([ISSUER])
+    assert answer == b"\x01\x80\x01\x01" + ISSUER.encoded
+    assert decode_ca_certs(answer) == (ISSUER,)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\x02\x80\x01\x01", b"\x01\x81\x00", b"\x01\x80\x01\x00", b"\x01\x80\x01\x09"]
+)
+def test_what_is_no_answer_is_refused_with_a_reason(data: bytes) -> None:
+    with pytest.raises(NotTrusted) as refusal:
+        SecurityServices(UTC_S, ALICE).receive_ca_certs(data, 0.0)
+    assert refusal.value.reason in ("malformed", "unsupported")
+
+
+def test_who_floods_with_requests_gets_one_answer_in_an_interval() -> None:
+    asked, answers = answering(), 0
+    for millisecond in range(round(1000 * 5 * ANSWER_INTERVAL_S)):
+        asked.receive_request(WANTED, millisecond / 1000)
+        answers += len(asked.answers_to_send(millisecond / 1000))
+    assert 4 <= answers <= 5
+
+
+def test_an_answer_waits_a_part_of_the_backoff_and_then_is_due() -> None:
+    asked = answering()
+    asked.receive_request(WANTED, 1.0)
+    assert asked.answers_to_send(1.0) == []
+    assert 1.0 < asked.get_timer() < 1.0 + BACKOFF_S
+    assert asked.answers_to_send(asked.get_timer()) == [encode_ca_certs([ISSUER])]
+
+
+def test_enough_answers_of_others_make_ones_own_needless() -> None:
+    asked = answering()
+    asked.receive_request(WANTED, 1.0)
+    for _ in range(ENOUGH_ANSWERS):
+        asked.wanted([ISSUER], 1.01)
+    assert asked.answers_to_send(2.0) == []
+
+
+def test_only_own_authorities_are_answered_with_and_the_root_is_not() -> None:
+    asked = answering()
+    for other in (ROOT, OTHER_ISSUING):
+        asked.receive_request(hashed_id3(other.credential.certificate.hashed_id8), 1.0)
+    assert asked.get_timer() == float("inf")
+
+
+def test_an_answer_that_was_not_asked_for_is_not_even_verified() -> None:
+    asking = answering()
+    other = OTHER_ISSUING.credential.certificate
+    assert asking.wanted([other], 1.0) == []
+    asking.receive_unknown_issuer(other.hashed_id8, 1.0)
+    assert asking.wanted([other], 1.0 + REQUEST_LIFETIME_S) == []
+    asking.receive_unknown_issuer(other.hashed_id8, 1.0)
+    assert asking.wanted([other], 1.1) == [other]
+    assert asking.wanted([other], 1.2) == []
+
+
+def test_one_issuer_is_asked_for_at_a_time_and_the_newest_are_kept() -> None:
+    asking = answering()
+    for number in range(100):
+        asking.receive_unknown_issuer(number.to_bytes(8), 0.0)
+    wanted = [asking.request_to_send(0.1 * tenth) for tenth in range(100)]
+    sent = [each for each in wanted if each is not None]
+    assert len(sent) == round(REQUEST_LIFETIME_S / REQUEST_INTERVAL_S)
+    assert all(int.from_bytes(each) >= 100 - MOST_REQUESTED for each in sent)
