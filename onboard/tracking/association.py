@@ -16,7 +16,7 @@ from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.assignment import cheapest_pairs
 from onboard.tracking.evidence import UNKNOWN_SPEED_SIGMA_M_S
 from onboard.tracking.evidence_store import EvidenceBatch
-from onboard.tracking.gates import GATE_PROBABILITY, distances, gates, with_speed_prior
+from onboard.tracking.gates import GATE_PROBABILITY, distances, gate, gates, with_speed_prior
 from onboard.tracking.track import Track
 
 SPEED_SIGMA_M_S = 20.0
@@ -25,6 +25,10 @@ SPEED_SIGMA_M_S = 20.0
 CERTAIN_M = 0.75
 """Evidence and a track whose positions together are less certain than this (root of the summed
 variances) are not associated by position alone: lanes are 3 m apart."""
+
+FARTHEST_INSIDE_M2 = gate(GATE_PROBABILITY, 4) * CERTAIN_M**2
+"""Squared distance beyond which no pair is inside the gate and certain: d^2 is at least the squared
+distance over the summed variances."""
 
 OVERLAP_M = 1.5
 """Two vehicles cannot have their centres closer than this."""
@@ -72,6 +76,7 @@ def compare(
     q: float,
     *,
     max_sigma_m: float = math.inf,
+    near: NDArray[np.bool_] | None = None,
 ) -> Comparison:
     """Compare M pieces of evidence with N vehicles.
 
@@ -82,11 +87,17 @@ def compare(
         q: spectral density of the acceleration noise, m^2/s^3.
         max_sigma_m: pairs whose positions together are less certain than this (root of the summed
             variances) are not inside.
+        near: (M, N) pairs that may be inside, all by default; no others are compared.
     """
-    squared, log_det, variance = distances(evidence[:, None], vehicles, q)
-    inside = squared <= gates(evidence[:, None], gate_probability)
-    inside &= variance <= max_sigma_m**2
-    return Comparison(inside, squared + log_det)
+    shape = len(evidence), len(vehicles)
+    rows, columns = np.nonzero(np.ones(shape) if near is None else near)
+    pieces = evidence[rows]
+    squared, log_det, variance = distances(pieces, vehicles[columns], q)
+    inside, cost = np.zeros(shape, np.bool_), np.zeros(shape)
+    inside[rows, columns] = squared <= gates(pieces, gate_probability)
+    inside[rows, columns] &= variance <= max_sigma_m**2
+    cost[rows, columns] = squared + log_det
+    return Comparison(inside, cost)
 
 
 class UnassociatedEvidence:
@@ -113,13 +124,20 @@ class UnassociatedEvidence:
         self._vehicles = StateArrays.concatenate([vehicles, started])
         self._tracks: list[Track | None] = [*tracks, *[None] * len(batch)]
         self._exists = np.arange(len(self._vehicles)) < len(tracks)
-        self._comparison = compare(
-            entries, self._vehicles, GATE_PROBABILITY, q, max_sigma_m=CERTAIN_M
-        )
         dt_s = (entries.stamps_ms[:, None] - self._vehicles.stamps_ms) / 1000
         positions = self._vehicles.states[:2, None] + dt_s * self._vehicles.states[2:, None]
-        apart_m = np.hypot(*(entries.states[:2, :, None] - positions))
-        self._overlapping = apart_m <= OVERLAP_M
+        east, north = entries.states[:2, :, None] - positions
+        apart_m2 = east * east + north * north
+        self._overlapping = apart_m2 <= OVERLAP_M**2
+        self._comparison = compare(
+            entries,
+            self._vehicles,
+            GATE_PROBABILITY,
+            q,
+            max_sigma_m=CERTAIN_M,
+            near=apart_m2 <= FARTHEST_INSIDE_M2,
+        )
+        self._may_match = (self._comparison.inside | self._overlapping).any(axis=1)
 
     @property
     def vehicles(self) -> StateArrays:
@@ -142,6 +160,8 @@ class UnassociatedEvidence:
             the track of each entry that has one.
         """
         rows = slice(entries.start, entries.stop)
+        if not self._may_match[rows].any():
+            return {}
         free = self._exists.copy()
         free[list(excluded)] = False
         column_of = self._comparison.among(rows, free).assign()

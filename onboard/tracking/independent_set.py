@@ -85,6 +85,8 @@ def up_to(max_measurements: int, evidence: Iterable[Evidence]) -> list[Evidence]
 
 def _choose(entries: Sequence[tuple[int, int]], covered: int) -> list[int]:
     """Choose among `entries` (index, mask) of several measurements; singles cover `covered`."""
+    if not entries:
+        return []
     totals = {0: 0}
     """The best total for every set of taken measurements that later entries contain."""
     for step in _steps(entries, covered):

@@ -199,6 +199,8 @@ class Track:
 
     def was_measured_beside(self, other: "Track") -> bool:
         """Whether one observer measured both at one time: then they are two vehicles."""
+        if self.evidence.keys().isdisjoint(other.evidence):
+            return False
         for both in self.evidence.keys() & other.evidence.keys():
             mine, others = self.evidence[both].piece, other.evidence[both].piece
             if (
@@ -237,7 +239,10 @@ class Track:
             stored.mask = self._mask(stored.provenance)
 
     def _mask(self, provenance: Provenance) -> int:
-        bits = self._bits
-        for identity in provenance.difference(bits):
-            bits[identity] = 1 << len(bits)
-        return sum(map(bits.__getitem__, provenance))
+        bits, mask = self._bits, 0
+        for identity in provenance:
+            bit = bits.get(identity)
+            if bit is None:
+                bit = bits[identity] = 1 << len(bits)
+            mask |= bit
+        return mask

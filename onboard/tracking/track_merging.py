@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.association import CERTAIN_M, OVERLAP_M
@@ -38,9 +39,7 @@ def merge_tracks(
         indices of the tracks that were merged into another; for each track the indices of those
         that may be duplicates of it, but are not certain enough to be merged.
     """
-    positions = states.positions_m(now_ms)
-    apart = distances_m(positions, positions)
-    near = np.argwhere(np.triu(apart < _NEAR_M, k=1))
+    near, apart_m = _near(states.positions_m(now_ms))
     merged: set[int] = set()
     duplicates: list[set[int]] = [set() for _ in tracks]
     if not len(near):
@@ -48,7 +47,7 @@ def merge_tracks(
     one, other = states[near[:, 0]], states[near[:, 1]]
     squared, _, variance = distances(one, other, q)
     compatible = squared <= gates(one, GATE_PROBABILITY)
-    close = apart[near[:, 0], near[:, 1]] <= OVERLAP_M
+    close = apart_m <= OVERLAP_M
     candidates = compatible | close
     for (i, j), fits, overlaps, spread in zip(
         near[candidates].tolist(),
@@ -71,6 +70,15 @@ def merge_tracks(
             duplicates[i].add(j)
             duplicates[j].add(i)
     return merged, duplicates
+
+
+def _near(positions: Array) -> tuple[NDArray[np.intp], Array]:
+    """Pairs (K, 2) among positions (2, N) that are closer than `_NEAR_M`; their distances (K)."""
+    east, north = positions[:, :, None] - positions[:, None, :]
+    pairs = np.argwhere(east * east + north * north < _NEAR_M**2)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    apart_m: Array = np.hypot(*(positions[:, pairs[:, 0]] - positions[:, pairs[:, 1]]))
+    return pairs, apart_m
 
 
 def choose_reported(

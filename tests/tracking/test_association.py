@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from onboard.tracking.association import compare
+from onboard.tracking.association import CERTAIN_M, FARTHEST_INSIDE_M2, compare
 from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId, as_arrays
-from onboard.tracking.gates import are_inside, gate, with_speed_prior
+from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gate, with_speed_prior
 
 Q = 1.0
 
@@ -55,6 +55,25 @@ def test_nothing_is_near_to_a_car_whose_covariance_is_none(
     assert are_inside(as_arrays([car(0), car(0)]), both, 0.99, Q).tolist() == [False, True]
     measured_too = as_arrays([measured(0), car(0)])
     assert are_inside(measured_too, both, 0.99, Q).tolist() == [of_speed, True]
+
+
+def test_only_near_pairs_need_comparison_where_evidence_must_be_certain() -> None:
+    rng = np.random.default_rng(1)
+    places_m, sigmas_m = rng.uniform(-6.0, 6.0, (80, 2)), rng.uniform(0.05, 0.5, 80)
+    pieces = [measured(x, y, sigma) for (x, y), sigma in zip(places_m, sigmas_m, strict=True)]
+    cars = [car(x, y, sigma_m=rng.uniform(0.05, 0.5)) for x, y in rng.uniform(-6.0, 6.0, (60, 2))]
+    both = as_arrays(pieces), as_arrays(cars)
+    apart_m = both[0].states[:2, :, None] - both[1].states[:2, None]
+    near = (apart_m**2).sum(axis=0) <= FARTHEST_INSIDE_M2
+
+    every = compare(*both, GATE_PROBABILITY, Q, max_sigma_m=CERTAIN_M)
+    few = compare(*both, GATE_PROBABILITY, Q, max_sigma_m=CERTAIN_M, near=near)
+
+    assert near.mean() < 0.3
+    assert every.inside.sum() > 50
+    assert np.array_equal(few.inside, every.inside)
+    assert np.array_equal(few.cost[few.inside], every.cost[every.inside])
+    assert few.assign() == every.assign()
 
 
 def test_two_pieces_never_share_a_car() -> None:
