@@ -89,15 +89,31 @@ def compare(
             variances) are not inside.
         near: (M, N) pairs that may be inside, all by default; no others are compared.
     """
-    shape = len(evidence), len(vehicles)
-    rows, columns = np.nonzero(np.ones(shape) if near is None else near)
-    pieces = evidence[rows]
-    squared, log_det, variance = distances(pieces, vehicles[columns], q)
-    inside, cost = np.zeros(shape, np.bool_), np.zeros(shape)
-    inside[rows, columns] = squared <= gates(pieces, gate_probability)
-    inside[rows, columns] &= variance <= max_sigma_m**2
-    cost[rows, columns] = squared + log_det
-    return Comparison(inside, cost)
+    if near is None:
+        near = np.ones((len(evidence), len(vehicles)), np.bool_)
+    squared, log_det, variance = distances_of(near, evidence, vehicles, q)
+    inside = squared <= gates(evidence[:, None], gate_probability)
+    inside &= variance <= max_sigma_m**2
+    return Comparison(inside, squared + log_det)
+
+
+def distances_of(
+    pairs: NDArray[np.bool_], evidence: StateArrays, vehicles: StateArrays, q: float
+) -> tuple[Array, Array, Array]:
+    """Return `distances` (M, N) of some pairs; d^2 is infinite, the others 0, for all other pairs.
+
+    Args:
+        pairs: (M, N) which pairs.
+        evidence: M pieces.
+        vehicles: N states.
+        q: spectral density of the acceleration noise, m^2/s^3.
+    """
+    rows, columns = np.nonzero(pairs)
+    squared, log_det, variance = np.full(pairs.shape, np.inf), *np.zeros((2, *pairs.shape))
+    squared[pairs], log_det[pairs], variance[pairs] = distances(
+        evidence[rows], vehicles[columns], q
+    )
+    return squared, log_det, variance
 
 
 class UnassociatedEvidence:

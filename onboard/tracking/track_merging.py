@@ -74,11 +74,12 @@ def merge_tracks(
 
 def _near(positions: Array) -> tuple[NDArray[np.intp], Array]:
     """Pairs (K, 2) among positions (2, N) that are closer than `_NEAR_M`; their distances (K)."""
-    east, north = positions[:, :, None] - positions[:, None, :]
-    pairs = np.argwhere(east * east + north * north < _NEAR_M**2)
+    east = positions[0]
+    pairs = np.argwhere(np.abs(east[:, None] - east) < _NEAR_M)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     apart_m: Array = np.hypot(*(positions[:, pairs[:, 0]] - positions[:, pairs[:, 1]]))
-    return pairs, apart_m
+    near = apart_m < _NEAR_M
+    return pairs[near], apart_m[near]
 
 
 def choose_reported(

@@ -21,6 +21,7 @@ from onboard.tracking.association import (
     SPEED_SIGMA_M_S,
     Comparison,
     UnassociatedEvidence,
+    distances_of,
 )
 from onboard.tracking.evidence import as_arrays
 from onboard.tracking.evidence_store import (
@@ -31,7 +32,7 @@ from onboard.tracking.evidence_store import (
     StoredEvidence,
 )
 from onboard.tracking.fusion import choose_and_fuse
-from onboard.tracking.gates import GATE_PROBABILITY, are_inside, distances, gates, with_speed_prior
+from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gates, with_speed_prior
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
     choose_reported,
@@ -170,22 +171,23 @@ class Tracks:
         apart[silent] = np.inf
         q = self._parameters.acceleration_density
         is_sensed = np.array([track.is_sensed for track in self._tracks], dtype=bool)
-        squared, log_det, _ = distances(vehicles[:, None], tracked, q)
+        may_match = (apart <= OVERLAP_M) | is_sensed
+        may_match[:1] = True
+        squared, log_det, _ = distances_of(may_match, vehicles, tracked, q)
         variances = np.trace(vehicles.covariances[:2, :2])
         agrees = squared <= gates(vehicles[:, None], GATE_PROBABILITY)
         agrees &= (variances <= _LARGEST_EXPLAINING_VARIANCE)[:, None]
         agrees |= ~is_sensed
         agrees[:1] = True
         apart[~agrees] = np.inf
-        eligible = (apart <= OVERLAP_M) | is_sensed
-        eligible[:1] = True
-        eligible &= agrees & (squared <= gates(vehicles[:, None], _REMOTE_MATCH_PROBABILITY))
-        matched = Comparison(eligible, squared + log_det).assign()
+        may_match &= agrees & (squared <= gates(vehicles[:, None], _REMOTE_MATCH_PROBABILITY))
+        matched = Comparison(may_match, squared + log_det).assign()
         vehicle_of = {track: row for row, track in matched.items()}
         row_of = {temporary_id: row for row, temporary_id in enumerate(ids)}
+        nearest_m = apart.min(axis=0, initial=np.inf).tolist()
         for at, track in enumerate(self._tracks):
             row = vehicle_of.get(at)
-            if row is None and len(ids) and apart[:, at].min() <= OVERLAP_M:
+            if row is None and nearest_m[at] <= OVERLAP_M:
                 row = int(apart[:, at].argmin())
             if row is not None:
                 track.remote_vehicle_id = ids[row]
