@@ -106,6 +106,8 @@ def _filtered(evidence: StateArrays, counts: Sequence[int], q: float) -> StateAr
 
 def _update(states: Array, covariances: Array, pieces: StateArrays) -> tuple[Array, Array]:
     """Use one piece of each vehicle: the 2 x 4 model for measurements, the 4 x 4 for estimates."""
+    if not pieces.has_speed.any():
+        return update_position(states, covariances, pieces.states[:2], pieces.covariances[:2, :2])
     for model, size, uses in ((update_position, 2, 0.0), (update_state, 4, 1.0)):
         at = np.flatnonzero(pieces.has_speed == uses)
         if len(at):
