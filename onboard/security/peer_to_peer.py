@@ -69,24 +69,30 @@ def decode_ca_certs(data: bytes) -> tuple[Certificate, ...]:
 class CertificateDistribution(Core):
     """What to ask others for, and what to answer them."""
 
-    def __init__(self, chain: Iterable[Certificate], own_id: bytes) -> None:
+    def __init__(self, chain: Iterable[Certificate]) -> None:
         """Start without requests.
 
         Args:
             chain: certificates of the authorities above the host vehicle's own, in any order.
-            own_id: HashedId8 of one of its own certificates, which spreads the answers.
         """
         by_id = {each.hashed_id8: each for each in chain}
         self._answers = {
             hashed_id3(key): encode_ca_certs(_up_from(each, by_id)) for key, each in by_id.items()
         }
-        self._backoff_s = BACKOFF_S * int.from_bytes(own_id[:2]) / (1 << 16)
+        self._backoff_s = 0.0
         self._requested: OrderedDict[bytes, float] = OrderedDict()
         """Until when, by the HashedId3 of the issuers that are not known."""
         self._request_at = -math.inf
         self._waiting: dict[bytes, tuple[float, int]] = {}
         """When to answer, and the answers of others, by HashedId3."""
         self._answered_at: dict[bytes, float] = {}
+
+    def use_certificate(self, hashed_id8: bytes) -> None:
+        """Take the HashedId8 of the own certificate, which spreads the answers of vehicles.
+
+        The time to an answer so tells nothing that outlasts a pseudonym.
+        """
+        self._backoff_s = BACKOFF_S * int.from_bytes(hashed_id8[:2]) / (1 << 16)
 
     # ---- asking ---------------------------------------------------------------------------
 

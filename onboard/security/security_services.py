@@ -79,19 +79,19 @@ class SecurityServices:
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
-        self.distribution = CertificateDistribution((), b"")
+        self.distribution = CertificateDistribution(())
         """Of certificates that vehicles lack."""
         if credentials is not None:
             self._own_ids = frozenset(own.certificate.hashed_id8 for own in credentials.pseudonyms)
-            self._credential = credentials.pseudonyms[0]
             self._trust = trust_store(credentials)
-            own_id = credentials.pseudonyms[0].certificate.hashed_id8
-            self.distribution = CertificateDistribution(credentials.authorities, own_id)
+            self.distribution = CertificateDistribution(credentials.authorities)
+            self.sign_with(credentials.pseudonyms[0])
 
     def sign_with(self, credential: Credential) -> None:
         """Use `credential` from now on; the next message carries its certificate."""
         self._credential = credential
         self._certificate_due_at = float("-inf")
+        self.distribution.use_certificate(credential.certificate.hashed_id8)
 
     @property
     def verifies(self) -> bool:

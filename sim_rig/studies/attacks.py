@@ -136,7 +136,7 @@ def _run_host(
     new_key = key_from(np.random.default_rng(seed))
     trial = make_trial(["host", *names], {psid.BSM}, START_UTC_S, new_key, pseudonyms=1)
     host = AttackedHost(trial["host"], START_UTC_S, checks=checks)
-    signers = [Signer(trial[name], START_UTC_S) for name in names[:insiders]]
+    signers = [Signer(trial[name], START_UTC_S, name[-4:].encode()) for name in names[:insiders]]
     true = [
         Signer(trial[name], START_UTC_S, _true_id(n)) for n, name in enumerate(names[insiders:])
     ]

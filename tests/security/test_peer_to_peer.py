@@ -33,7 +33,9 @@ OWN_ID = b"\x80own-id."
 
 
 def answering() -> CertificateDistribution:
-    return CertificateDistribution([ISSUER], OWN_ID)
+    distribution = CertificateDistribution([ISSUER])
+    distribution.use_certificate(OWN_ID)
+    return distribution
 
 
 def exchange(seconds: float) -> list[float]:
@@ -92,6 +94,17 @@ def test_an_answer_waits_a_part_of_the_backoff_and_then_is_due() -> None:
     assert asked.answers_to_send(1.0) == []
     assert 1.0 < asked.get_timer() < 1.0 + BACKOFF_S
     assert asked.answers_to_send(asked.get_timer()) == [encode_ca_certs([ISSUER])]
+
+
+def test_the_time_to_an_answer_does_not_outlast_a_pseudonym() -> None:
+    security, waited_s = SecurityServices(UTC_S, ALICE), set()
+    for number, pseudonym in enumerate(ALICE.pseudonyms):
+        now = 10.0 * number
+        security.sign_with(pseudonym)
+        security.distribution.receive_request(WANTED, now)
+        waited_s.add(round(security.distribution.get_timer() - now, 6))
+        security.distribution.answers_to_send(now + BACKOFF_S)
+    assert len(waited_s) == len(ALICE.pseudonyms)
 
 
 def test_enough_answers_of_others_make_ones_own_needless() -> None:

@@ -38,3 +38,14 @@ def test_who_takes_the_id_of_a_true_vehicle_first_does_not_hide_it(tmp_path: Pat
     )
 
     assert run(tmp_path, same_id, Workers()).endswith("0 of 2 true alarms missed")
+
+
+def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
+    footers = AttacksSettings(
+        attacks=(AttackKind.FOOTER,), insiders=(2,), seconds=30.0, unchecked=False
+    )
+
+    run(tmp_path, footers, Workers())
+
+    (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
+    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,6,')
