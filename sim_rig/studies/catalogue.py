@@ -22,6 +22,8 @@ _SINGLE = {
     "rakhshan-figure10": "rakhshan:figure10",
     "rakhshan-figure11": "rakhshan:figure11",
     "rakhshan-sensitivity": "rakhshan:sensitivity",
+    "rakhshan-table1": "rakhshan_tables:table1",
+    "rakhshan-table2": "rakhshan_tables:table2",
 }
 """Studies without settings."""
 
@@ -32,6 +34,7 @@ _CAMPAIGNS = {
     "faults": "faults:run:FaultsSettings",
     "following-alarms": "following_alarms:run:FollowingSettings",
     "inquiry-load": "inquiry_load:run:InquiryLoadSettings",
+    "joerer-channel": "joerer_channel:run:JoererChannelSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "linker": "linker:run:LinkerSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
@@ -42,6 +45,7 @@ _CAMPAIGNS = {
     "mvs-table1": "mvs_sharing:table1:Table1Settings",
     "radio": "radio:run:RadioSettings",
     "rakhshan-csma": "rakhshan_csma:run:RakhshanCsmaSettings",
+    "rakhshan-readings": "rakhshan_readings:run:ReadingsSettings",
 }
 """Studies of many runs, which take settings and workers."""
 

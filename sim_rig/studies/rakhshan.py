@@ -1,7 +1,7 @@
 """Driver-based channel access on a highway: the paper's figures 9 to 11, and their sensitivity.
 
 Source: Rakhshan, Pishro-Nik, Nekoui, "Driver-Based Adaptation of Vehicular Ad hoc Networks for
-Design of Active Safety Systems". docs/access.md compares the results with the paper's.
+Design of Active Safety Systems". docs/paper-access.md compares the results with the paper's.
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +24,7 @@ from sim_rig.studies.rakhshan_highway import (
     mean_and_error,
     reduction_and_error,
 )
+from sim_rig.studies.rakhshan_iterated import iterated_collision_share
 from sim_rig.studies.rakhshan_slotted import (
     SlottedChannel,
     SlottedLinks,
@@ -103,10 +104,11 @@ def simulate(settings: RakhshanSettings, *, shuffled: bool = False) -> Collision
         drops = draw(highway, min(BATCH, settings.drops - begin), rng)
         if shuffled:
             drops = _shuffle_labels(drops, label_rng)
-        pairs.append(collision_share(highway, drops, access, access))
+        share = collision_share if highway.iteration_s is None else iterated_collision_share
+        pairs.append(share(highway, drops, access, access))
         without_radio.append(collision_share_without_radio(drops))
         perfect_radio.append(collision_share_with_perfect_radio(drops))
-        unsafe.append(drops.crash_probability > highway.unsafe_threshold)
+        unsafe.append(drops.unsafe)
     return CollisionShares(
         np.concatenate(pairs, axis=-1),
         np.concatenate(without_radio),
@@ -276,10 +278,8 @@ def sensitivity(out_dir: Path, settings: RakhshanSettings = BROAD) -> str:
 
 
 def _shuffle_labels(drops: Drops, label_rng: np.random.Generator) -> Drops:
-    order = label_rng.permuted(
-        drops.crash_probability.reshape(len(drops.crash_probability), -1), axis=1
-    )
-    return replace(drops, crash_probability=order.reshape(drops.crash_probability.shape))
+    order = label_rng.permuted(drops.unsafe.reshape(len(drops.unsafe), -1), axis=1)
+    return replace(drops, unsafe=order.reshape(drops.unsafe.shape))
 
 
 def _summary(found: Gain) -> str:

@@ -91,7 +91,7 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
     """Simulate one highway with all traffics and pairs of intervals."""
     drop_seed, channel_seed = np.random.SeedSequence([settings.seed, number]).spawn(2)
     drops = draw(settings.highway, 1, np.random.default_rng(drop_seed))
-    unsafe = (drops.crash_probability > settings.highway.unsafe_threshold)[0]
+    unsafe = drops.unsafe[0]
 
     def part(kind: ChannelTraffic, background_cars: int, safe_s: float, unsafe_s: float) -> float:
         interval_s = np.where(unsafe, unsafe_s, safe_s)

@@ -14,6 +14,11 @@ from onboard.access.rear_end import Array
 
 Indices = NDArray[np.int64]
 
+DECODING_THRESHOLD_DB = {
+    3.0: 5.0, 4.5: 6.0, 6.0: 8.0, 9.0: 11.0, 12.0: 15.0, 18.0: 20.0, 24.0: 25.0
+}  # fmt: skip
+"""Table II: least signal to interference ratio at each data rate in Mbit/s."""
+
 
 class SlottedLinks(NamedTuple):
     """Indices of k senders and of their k receivers."""

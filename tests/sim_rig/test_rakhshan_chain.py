@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from sim_rig.studies.rakhshan_chain import lane_links, reception_delay_s, without_radio_s
+from sim_rig.studies.rakhshan_chain import Relay, lane_links, reception_delay_s, without_radio_s
 
 SLOT_S = 0.000_222
 
@@ -61,6 +61,23 @@ def test_lanes_are_vectorised() -> None:
 
     assert together.shape == (3, 4, 6)
     assert together[2, 1] == pytest.approx(reception_delay_s(slots[2, 1], SLOT_S, reaction_s[2, 0]))
+
+
+@pytest.mark.parametrize(
+    ("relay", "delay_s"),
+    [
+        (Relay.ANY, [0.0, 0.0, 1.0, 2.0, 3.5]),  # All by brake lights.
+        (Relay.DIRECT, [0.0, 0.0, 1.0, 4.0, 6.0]),  # Car 3 sees car 2, car 4 hears car 1.
+        (Relay.AS_PRINTED, [0.0, 0.0, 1.0, 4.0, 7.0]),  # Car 2's message takes 3 s, as car 0's.
+    ],
+)
+def test_the_paper_allows_one_relay_that_car_0_informed(relay: Relay, delay_s: list[float]) -> None:
+    link_s = {(0, 2): 3.0, (0, 3): 8.0, (0, 4): 20.0, (1, 3): 50.0, (1, 4): 5.0, (2, 4): 60.0}
+    slots = np.array(list(link_s.values()))
+    reaction_s = np.array([0.0, 1.0, 1.0, 1.5, 1.0])
+    assert list(link_s) == list(zip(*(side.tolist() for side in lane_links(5)), strict=True))
+
+    assert reception_delay_s(slots, 1.0, reaction_s, relay).tolist() == delay_s
 
 
 @pytest.mark.parametrize("cars", [0, 1, 2])
