@@ -77,3 +77,17 @@ def test_a_vehicle_that_the_detector_sees_alarms_every_time() -> None:
         host.drive(2.0)
         assert host.raised(began_at), f"encounter {encounter}"
     assert not host.ignored()
+
+
+def test_the_checks_leave_what_is_perceived_of_honest_vehicles_equal_to_the_bit() -> None:
+    perceived = []
+    for checks in (True, False):
+        host, honest = AttackedHost(ALICE, UTC_S, checks=checks), Signer(DAVE, UTC_S, b"true")
+
+        def drive_beside(now: float, honest: Signer = honest) -> list[bytes]:
+            return [honest.bsm_at((4.0, SPEED_M_S * now + 20.0), (0.0, SPEED_M_S), now)]
+
+        host.drive(5.0, drive_beside)
+        perceived.append(host.stack.surroundings)
+    assert perceived[0][1]
+    assert perceived[0] == perceived[1]
