@@ -16,7 +16,7 @@ from onboard.obd.settings import BroadcastSettings
 from onboard.observations import BrakeCause, BrakePedal, Discarded, Side, Speed, TurnSignal
 from onboard.units import KM_H, MPH
 
-_SPEED_UNITS: Mapping[str, float] = {
+SPEED_UNITS: Mapping[str, float] = {
     "m/s": 1.0,
     "mps": 1.0,
     "km/h": KM_H,
@@ -74,7 +74,7 @@ class BroadcastSignals:
         if self._speed:
             name, unit = settings.speed[0], settings.speed_unit or self._speed[0][1].unit
             self._factor = self._factor_of(
-                name, unit, _SPEED_UNITS, "speed_unit to km/h, m/s or mph"
+                name, unit, SPEED_UNITS, "speed_unit to km/h, m/s or mph"
             )
         self._triggers = list(self._find_triggers(database, settings))
         lamps = [found for _, *found in self._turn_signals]

@@ -1,11 +1,14 @@
-"""The ECU of a scenario's car with the faults of ECU and bus, without I/O."""
+"""What the control units of a scenario's car send, with the faults of ECU and bus, without I/O."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_file import read_dbc
+from sim_rig.cars.broadcast_unit import BroadcastUnit
 from sim_rig.cars.ecu import ENGINE_11_BIT, Ecu
 from sim_rig.scenario.faults import EcuBabbles, SpeedScaled
 from sim_rig.scenario.schema import Scenario
@@ -21,7 +24,7 @@ _CHECK_INTERVAL_S = 0.1
 
 
 class FaultyEcu:
-    """An `Ecu` with the faults of the scenario, with the same interface."""
+    """An `Ecu` with the faults of the scenario and the signals that other units broadcast."""
 
     def __init__(
         self,
@@ -50,6 +53,12 @@ class FaultyEcu:
             runs=lambda now: not self._has("ecu_stopped", now),
             answer_after_s=scenario.ecu.answer_s,
         )
+        signals = scenario.cars[car].broadcast
+        self._broadcast = (
+            None
+            if signals is None
+            else BroadcastUnit(signals, read_dbc(signals.dbc), self._scaled_speed_m_s)
+        )
         self._refresh_s = scenario.ecu.refresh_s
         self._phase_s = float(rng.uniform(0.0, self._refresh_s)) if self._refresh_s else 0.0
         self._babbles = [
@@ -66,14 +75,19 @@ class FaultyEcu:
         frames = self._ecu.frames_to_send(now)
         if self._has("ecu_refuses", now):
             frames = [replace(frame, data=_REFUSAL) for frame in frames]
+        if self._broadcast is not None:
+            frames += self._broadcast.frames_to_send(now)
         if self._babbles and self._babbles_at <= now:
             frames += self._babble(now)
         return frames
 
     def get_timer(self) -> float:
         """Return when the next frame is due; `math.inf` when none is."""
-        ecu_at = self._ecu.get_timer()
-        return min(ecu_at, self._babbles_at) if self._babbles else ecu_at
+        return min(
+            self._ecu.get_timer(),
+            self._babbles_at if self._babbles else math.inf,
+            self._broadcast.get_timer() if self._broadcast is not None else math.inf,
+        )
 
     def _babble(self, now: float) -> list[CanFrame]:
         at_s = self._at_s(now)
@@ -91,8 +105,12 @@ class FaultyEcu:
         return CanFrame(now, identifier, is_extended_id=False, data=self._rng.bytes(8))
 
     def _speed_m_s(self, now: float) -> float:
+        """What the ECU answers: the speed that it took last."""
         if self._refresh_s:
             now -= (now - self._phase_s) % self._refresh_s
+        return self._scaled_speed_m_s(now)
+
+    def _scaled_speed_m_s(self, now: float) -> float:
         at_s, speed_m_s = self._at_s(now), self._true_speed_m_s(now)
         for fault in self._scenario.faults:
             if isinstance(fault, SpeedScaled) and fault.holds(self._car, at_s):

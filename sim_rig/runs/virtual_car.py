@@ -12,6 +12,7 @@ from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.obd.can_frame import CanFrame
+from onboard.obd.dbc_file import read_signals
 from onboard.observations import Lead, Sensor
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
@@ -90,6 +91,7 @@ class VirtualCar:
                 now=0.0,
                 utc_s=start_utc_s + self._faults.clock_error_s(0.0),
                 credentials=credentials,
+                signals=read_signals(config.obd.broadcast),
             ),
         )
         self._stack_at = self._stack.get_timer()

@@ -42,6 +42,9 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
         "access": it.access.model_dump(mode="json"),
         "security": {"plate_digest": DIGEST},
     }
+    if it.broadcast is not None:
+        signals = it.broadcast.model_dump(mode="json", exclude_defaults=True)
+        config["obd"] = {"broadcast": signals | {"dbc": str(it.broadcast.dbc.resolve())}}
     return config | {"brake_request": {}} if it.obeys_request else config
 
 

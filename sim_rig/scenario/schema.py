@@ -10,11 +10,19 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
 
 from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import SharedIn
+from onboard.obd.settings import BroadcastSettings
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
@@ -110,6 +118,17 @@ class ScenarioCar(Settings):
     """What carries its measurements to the others."""
     access: AccessSettings = AccessSettings()
     """Driver-based channel access."""
+    broadcast: BroadcastSettings | None = None
+    """Signals that its bus carries and its daemon reads, as `obd.broadcast` of `onboard`: the
+    speeds and the brake pedal are those of the car, other signals 0. A `dbc` that is not found from
+    the folder in which the rig is started is one of `sim_rig/scenarios`."""
+
+    @field_validator("broadcast")
+    @classmethod
+    def _finds_the_dbc_file(cls, signals: BroadcastSettings | None) -> BroadcastSettings | None:
+        if signals is None or signals.dbc.is_file():
+            return signals
+        return signals.model_copy(update={"dbc": SCENARIOS / signals.dbc})
 
     @model_validator(mode="after")
     def _has_one_motion(self) -> Self:
