@@ -14,6 +14,7 @@ from typing import Annotated
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from pydantic import Field
 
 from onboard.settings import Settings
@@ -74,6 +75,8 @@ class JoererChannelSettings(Settings):
     other_stations_within_m: float = Field(200.0, gt=0.0)
     last_s: float = Field(4.0, gt=0.0)
     """Only this long before a crash are beacons counted."""
+    channel_crashes: int = Field(50, ge=1)
+    """On the channel, only so many crashes are simulated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,17 +265,21 @@ def _crashes(settings: JoererChannelSettings, number: int, rng: np.random.Genera
     traffic = settings.traffic.model_copy(update={"start_m": settings.start_m[number]})
     approaches = simulate_approaches(traffic, rng)
     is_crash = approaches.outcome == ApproachOutcome.CRASH
-    crashed = replace(
-        approaches,
-        outcome=approaches.outcome[is_crash],
-        end_s=approaches.end_s[is_crash],
-        ignores_rules=approaches.ignores_rules[is_crash],
-        distance_m=approaches.distance_m[is_crash],
-        speed_m_s=approaches.speed_m_s[is_crash],
-        acceleration_m_s2=approaches.acceleration_m_s2[is_crash],
-    )
+    crashed = _some(approaches, np.flatnonzero(is_crash))
     p_c = {name: criticality(crashed, name, traffic) for name in BEHAVIOURS}
     return _Crashes(crashed, p_c, 100.0 * float(is_crash.mean()))
+
+
+def _some(approaches: Approaches, at: NDArray[np.int64]) -> Approaches:
+    return replace(
+        approaches,
+        outcome=approaches.outcome[at],
+        end_s=approaches.end_s[at],
+        ignores_rules=approaches.ignores_rules[at],
+        distance_m=approaches.distance_m[at],
+        speed_m_s=approaches.speed_m_s[at],
+        acceleration_m_s2=approaches.acceleration_m_s2[at],
+    )
 
 
 def _rows(
@@ -282,8 +289,12 @@ def _rows(
     rng: np.random.Generator,
 ) -> list[list[object]]:
     radio, houses_from_m, others = case
-    approaches = crashes.approaches
+    approaches, p_c_of = crashes.approaches, crashes.p_c
     if radio == "802.11p":
+        approaches = _some(
+            approaches, np.arange(min(settings.channel_crashes, len(approaches.end_s)))
+        )
+        p_c_of = {name: p_c[: len(approaches.end_s)] for name, p_c in p_c_of.items()}
         beacons, share = beacons_of_channel(settings, approaches, houses_from_m, others, rng)
     else:
         changes = {"building_m": 0.0} if houses_from_m is None else {"setback_m": houses_from_m}
@@ -296,8 +307,8 @@ def _rows(
     rows: list[list[object]] = []
     cars = 2 * len(approaches.end_s)
     for interval_s, of_interval in beacons.items():
-        lbu = {name: last_before_unavoidable(crashes.p_c[name], of_interval) for name in BEHAVIOURS}
-        reached = highest(crashes.p_c["uniform"], of_interval) >= UNAVOIDABLE
+        lbu = {name: last_before_unavoidable(p_c_of[name], of_interval) for name in BEHAVIOURS}
+        reached = highest(p_c_of["uniform"], of_interval) >= UNAVOIDABLE
         without = np.isnan(lbu["uniform"])
         rows.append(
             [

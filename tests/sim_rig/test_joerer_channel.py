@@ -23,6 +23,7 @@ SMALL = JoererChannelSettings(
     houses_from_m=(None, 10.0),
     radio=BeaconSettings(intervals_s=(0.5, 0.1)),
     other_stations=(0, 4),
+    channel_crashes=2,
 )
 
 
@@ -78,6 +79,7 @@ def test_one_row_has_the_result_that_it_has_in_the_campaign(tmp_path: Path) -> N
         table = list(csv.DictReader(file))
     assert len(table) == 2 * 2 * 2 + 2 * 2 * 2
     assert {row["start_from_m"] for row in table if row["radio"] == "802.11p"} == {"60"}
+    assert {row["cars"] for row in table if row["radio"] == "802.11p"} == {"4"}
     assert float(table[0]["crash_percent"]) == pytest.approx(
         float(str(run_one(SMALL, 0)["rows"][0][2])), abs=1e-3
     )
