@@ -76,6 +76,10 @@ class DisturbedTraffic(Traffic):
         """Warn the driver of a car, which brakes while the warning lasts."""
         self._driver(name).warn(at_s)
 
+    def brake(self, name: str, begin_s: float, until_s: float, deceleration_m_s2: float) -> None:
+        """Let a car brake by itself; replaces what earlier calls ask for from `begin_s` on."""
+        self._driver(name).request(begin_s, until_s, deceleration_m_s2)
+
     def is_disturbed(self, name: str) -> bool:
         """Whether a car has left the recording."""
         if self._event is not None and name == self._moved_in_time:
@@ -121,7 +125,8 @@ class DisturbedTraffic(Traffic):
         places = {name: at for at, name in enumerate(cars.names)}
         self._begin_event(cars, places)
         for name, driver in self._drivers.items():
-            if not driver.is_off and driver.brakes_at_s <= cars.at_s and name in places:
+            brakes = driver.brakes_at_s <= cars.at_s or driver.requested_m_s2(cars.at_s) > 0.0
+            if not driver.is_off and brakes and name in places:
                 driver.leave(cars, places[name])
         disturbing = self._off(places)
         if self._moved_in_time in places and self._moved_in_time not in disturbing:

@@ -8,7 +8,7 @@ The path stays; only the speed changes.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -101,6 +101,8 @@ class SimulatedDriver:
     brakes_at_s: float = math.inf
     """Start of braking after a warning."""
     brakes_until_s: float = -math.inf
+    requests: list[tuple[float, float, float]] = field(default_factory=list)
+    """Brakings of the car itself: begin, end, and deceleration."""
 
     @classmethod
     def drawn(
@@ -171,6 +173,16 @@ class SimulatedDriver:
             self.brakes_at_s = reacts_s
         self.brakes_until_s = reacts_s + _WARNING_HELD_S
 
+    def request(self, begin_s: float, until_s: float, deceleration_m_s2: float) -> None:
+        """Let the car brake by itself; replaces what earlier calls ask for from `begin_s` on."""
+        self.requests.append((begin_s, until_s, deceleration_m_s2))
+
+    def requested_m_s2(self, at_s: float) -> float:
+        """Deceleration of the car's own braking, m/s^2; 0 without one."""
+        begun = [each for each in self.requests if each[0] <= at_s + _ROUNDING_S]
+        _, until_s, deceleration_m_s2 = max(begun, default=(0.0, -math.inf, 0.0))
+        return deceleration_m_s2 if at_s <= until_s else 0.0
+
     def needs_to_brake(self, wish_m_s2: float, planned_m_s2: float, now: float) -> bool:
         """Whether harder braking than planned was needed for its reaction time.
 
@@ -219,13 +231,18 @@ class SimulatedDriver:
         )  # fmt: skip
 
     def wish_m_s2(self, cars: Cars, at: int, is_disturbed: Callable[[str], bool]) -> float:
-        """Acceleration in the next step, m/s^2.
+        """Acceleration in the next step, m/s^2: the car may brake harder than its driver.
 
         Args:
             cars: all cars.
             at: index of its car.
             is_disturbed: whether a car, by name, has left the recording.
         """
+        wish = self._driver_wish_m_s2(cars, at, is_disturbed)
+        requested = self.requested_m_s2(cars.at_s)
+        return min(wish, -requested) if requested > 0.0 else wish
+
+    def _driver_wish_m_s2(self, cars: Cars, at: int, is_disturbed: Callable[[str], bool]) -> float:
         if self.event_braking_m_s2 > 0.0:
             return -self.event_braking_m_s2
         is_warned = self.brakes_at_s <= cars.at_s <= self.brakes_until_s

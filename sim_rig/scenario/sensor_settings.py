@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Annotated, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from onboard.settings import Settings
+from sim_rig.scenario.setting_types import by_name
 
 
 class LensSettings(Settings):
@@ -94,14 +95,5 @@ SENSOR_PROFILES: Mapping[str, VehicleCameraSettings] = {
 """Sensors by range and field of view. `plate-camera` is the one that ships: the rear plates in its
 lens, as far as they are read. Errors of lidar and radar are typical of data sheets."""
 
-
-def _by_name(given: object) -> object:
-    if not isinstance(given, str):
-        return given
-    if given not in SENSOR_PROFILES:
-        raise ValueError(f"no such sensor profile (given {given!r}): {', '.join(SENSOR_PROFILES)}")
-    return SENSOR_PROFILES[given]
-
-
-DetectorProfile = Annotated[VehicleCameraSettings, BeforeValidator(_by_name)]
+DetectorProfile = Annotated[VehicleCameraSettings, by_name("sensor profile", SENSOR_PROFILES)]
 """Settings of a detector, or the name of a profile."""

@@ -1,8 +1,9 @@
-"""Types of settings: shares, positive numbers, lists of different values, and intervals."""
+"""Types of settings: shares, positive numbers, several values, intervals, and profiles."""
 
+from collections.abc import Mapping
 from typing import Annotated, TypeVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 ValueT = TypeVar("ValueT")
 
@@ -30,3 +31,16 @@ Several = Annotated[tuple[ValueT, ...], AfterValidator(_each_once)]
 """Different values that a study varies."""
 Span = Annotated[tuple[ValueT, ValueT], AfterValidator(_in_order)]
 """Interval: lower and upper bound."""
+
+
+def by_name(kind: str, profiles: Mapping[str, object]) -> BeforeValidator:
+    """Let a setting be given by the name of a profile too."""
+
+    def named(given: object) -> object:
+        if not isinstance(given, str):
+            return given
+        if given not in profiles:
+            raise ValueError(f"no such {kind} (given {given!r}): {', '.join(profiles)}")
+        return profiles[given]
+
+    return BeforeValidator(named)

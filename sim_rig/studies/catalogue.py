@@ -37,6 +37,7 @@ _CAMPAIGNS = {
     "joerer-channel": "joerer_channel:run:JoererChannelSettings",
     "lcca-chain": "lcca_chain:chain:ChainSettings",
     "linker": "linker:run:LinkerSettings",
+    "mvs-ablation": "mvs_ablation:run:AblationSettings",
     "mvs-figure3": "mvs_collisions:figure3:Figure3Settings",
     "mvs-figure9": "mvs_collisions:figure9:CollisionSettings",
     "platoons": "platoons:run:PlatoonSettings",

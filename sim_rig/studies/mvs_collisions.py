@@ -211,9 +211,14 @@ def figure3(
     )
 
 
+def with_available_scenes(encounter: EncounterSettings) -> EncounterSettings:
+    """The settings with the scenes that are used, given the recordings that are present now."""
+    scenes = dict.fromkeys(map(available_scene, encounter.scenes))
+    return encounter.model_copy(update={"scenes": tuple(scenes)})
+
+
 def _with_available_scenes(settings: CollisionSettings) -> CollisionSettings:
-    scenes = dict.fromkeys(map(available_scene, settings.encounter.scenes))
-    encounter = settings.encounter.model_copy(update={"scenes": tuple(scenes)})
+    encounter = with_available_scenes(settings.encounter)
     return settings.model_copy(update={"encounter": encounter})
 
 
@@ -328,7 +333,7 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         loss=loss,
         events=events,
         pairs=len({row["pair"] for row in before.values() if row["pair"]}),
-        **{f"angle_p{share}_deg": _angle_deg(before.values(), share) for share in (10, 50, 90)},
+        **{f"angle_p{share}_deg": angle_deg(before.values(), share) for share in (10, 50, 90)},
         p_collision=(crashes - avoided + caused) / events,
         low_95=low,
         high_95=high,
@@ -338,13 +343,13 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
         avoidable=of_crashes(sum(outcomes.values()) - outcomes[CrashOutcome.NO_RADIO]),
         avoided=avoided,
         caused=caused,
-        warning_after_s=_median(run, "first_warning_s"),
+        warning_after_s=median(run, "first_warning_s"),
         false_warnings_per_h=per_hour("false_warnings"),
-        known_before_s=_median(run, "known_before_s"),
-        warned_before_s=_median(run, "warned_before_s"),
+        known_before_s=median(run, "known_before_s"),
+        warned_before_s=median(run, "warned_before_s"),
         paper_alarm_p_collision=(crashes - paper_alarm_avoided) / events,
         paper_alarm_avoided=paper_alarm_avoided,
-        paper_alarm_before_s=_median(run, "paper_alarm_before_s"),
+        paper_alarm_before_s=median(run, "paper_alarm_before_s"),
         paper_alarm_false_per_h=per_hour("paper_alarm_false"),
         **{f"outcome_{outcome.value}": number for outcome, number in outcomes.items()},
         two_cars_p_collision=(crashes - two_cars) / events,
@@ -353,14 +358,14 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
     )
 
 
-def _angle_deg(before: Iterable[Row], percent: float) -> float:
+def angle_deg(before: Iterable[Row], percent: float) -> float:
     """Percentile of the angles between the headings in the crashes without radios."""
     angles = [row["angle_deg"] for row in before if row["crash"]]
     return float(np.percentile(angles, percent)) if angles else math.nan
 
 
-def _median(rows: Sequence[Row], column: str) -> float:
-    """Weighted by probability."""
+def median(rows: Sequence[Row], column: str) -> float:
+    """Median of a column, weighted by probability; NaN without values."""
     values = sorted((row[column], row["probability"]) for row in rows if row[column] is not None)
     if not values:
         return math.nan

@@ -1,8 +1,10 @@
-"""Warnings of the simulated drivers: those of their cars' risk monitors."""
+"""Warnings of the simulated drivers, and requests to brake: those of their cars' cores."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from onboard.brake_request.brake_requester import BrakeRequest, BrakeRequester
+from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
@@ -28,15 +30,23 @@ class DriverWarning:
 class WarningModel:
     """The risk monitor of one car, and its active warnings."""
 
-    def __init__(self, settings: RiskSettings, length_m: float, width_m: float) -> None:
+    def __init__(
+        self,
+        settings: RiskSettings,
+        length_m: float,
+        width_m: float,
+        brake_request: BrakeRequestSettings | None = None,
+    ) -> None:
         """Start without warnings.
 
         Args:
             settings: of the risk monitor.
             length_m: length of the car.
             width_m: width of the car.
+            brake_request: when it requests to brake; never if None.
         """
         self._monitor = RiskMonitor(settings, length_m, width_m)
+        self._requester = None if brake_request is None else BrakeRequester(brake_request)
         self._active: dict[Cause, DriverWarning] = {}
 
     def receive_earlier_speeds(
@@ -84,7 +94,20 @@ class WarningModel:
                 named = [by_name[each.name] for each in event.reasons if each.name in by_name]
                 if event.level is Level.WARNING:
                     self._active[event.cause] = DriverWarning(event.cause, named[0])
+        if self._requester is not None:
+            self._requester.assess(self._monitor.assessments, now)
         return next(iter(self._active.values()), None)
 
+    def take_brake_requests(self) -> Iterator[BrakeRequest]:
+        """Yield the requests since the last call, the oldest first."""
+        while self._requester is not None:
+            request = self._requester.next_event()
+            if request is None:
+                return
+            yield request
+
     def _receive_speed(self, speed_m_s: float, at_s: float) -> None:
-        self._monitor.receive_speed(Speed(at_s, speed_m_s, _RESOLUTION_M_S, "study"))
+        speed = Speed(at_s, speed_m_s, _RESOLUTION_M_S, "study")
+        self._monitor.receive_speed(speed)
+        if self._requester is not None:
+            self._requester.receive_speed(speed)

@@ -8,11 +8,13 @@ from enum import StrEnum
 import numpy as np
 from pydantic import Field
 
+from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.risk.alarm import RELEASE_S
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
+from sim_rig.cars.brake_controller import BRAKE_DELAY_S
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
@@ -21,9 +23,10 @@ from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
-from sim_rig.studies.mvs_events import EventSample, SampledEvent
+from sim_rig.studies.mvs_events import SampledEvent, event_sample
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
+from sim_rig.studies.mvs_profiles import WorldProfile
 from sim_rig.studies.mvs_scenes import SceneName, SceneSource
 from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
 
@@ -66,8 +69,10 @@ class EncounterSettings(Settings):
     paper_alarm_horizon_s: float = Field(10.0, gt=0.0, le=30.0)
     """Prediction horizon of the paper's alarm; the paper gives no limit."""
     reactions: ReactionSettings = ReactionSettings()
-    world: WorldSettings = WorldSettings()
+    world: WorldProfile = WorldSettings()
     risk: RiskSettings = RiskSettings()
+    brake_request: BrakeRequestSettings | None = None
+    """When cars with a radio brake by themselves; without it, they only warn their drivers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +137,7 @@ class Encounters:
     def __init__(self, settings: EncounterSettings) -> None:
         """Load the scenes."""
         self._settings = settings
-        self._sample = EventSample(settings.scenes)
+        self._sample = event_sample(settings.scenes)
         self._without_radios: dict[tuple[TrafficEventKind, int], Crash | None] = {}
 
     def event(self, kind: TrafficEventKind, seed: int) -> SampledEvent:
@@ -325,9 +330,14 @@ class _EquippedCars:
             if self._pair is not None and self._pair.can_act(name):
                 positions_m = np.array([world.world_position_m(name, car.state) for car in objects])
                 self._pair.receive_perceived(name, positions_m, cars)
-            warning = self._model(cars, at).assess(
+            model = self._model(cars, at)
+            warning = model.assess(
                 world.fixes[name], own, objects, float(cars.speed_m_s[at]), world.now
             )
+            for request in model.take_brake_requests():
+                begin_s = request.stamp_s + BRAKE_DELAY_S
+                until_s = begin_s + request.valid_s
+                self._traffic.brake(name, begin_s, until_s, request.deceleration_m_s2)
             if warning is not None:
                 right = self._is_right(cars, name, warning.target)
                 warnings.append((name, warning, right))
@@ -337,7 +347,9 @@ class _EquippedCars:
     def _model(self, cars: Cars, at: int) -> WarningModel:
         name = cars.names[at]
         if name not in self._models:
-            self._models[name] = WarningModel(self._settings.risk, *_size_m(cars, at))
+            self._models[name] = WarningModel(
+                self._settings.risk, *_size_m(cars, at), self._settings.brake_request
+            )
             self._models[name].receive_earlier_speeds(
                 float(cars.speed_m_s[at]), float(cars.acceleration_m_s2[at]), self._world.now
             )

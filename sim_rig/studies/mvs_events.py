@@ -1,6 +1,7 @@
 """The events of a collision study: a fair sample over all its scenes."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -53,3 +54,9 @@ class EventSample:
         """One event by its number, from 0 on."""
         candidate = self.order(kind)[number]
         return SampledEvent(*self._scenes[candidate.recording], candidate.situation.event)
+
+
+@cache
+def event_sample(sources: tuple[SceneSource, ...]) -> EventSample:
+    """The sample of these scenes, made once in a process."""
+    return EventSample(sources)

@@ -8,12 +8,12 @@ decoded once for all receivers.
 
 import math
 from collections.abc import Iterable, Set
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import sdsm
@@ -26,6 +26,7 @@ from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
+from sim_rig.cars.vehicle_camera import REAR_VIEW_RAD
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
@@ -49,12 +50,18 @@ class WorldSettings(Settings):
     senses: bool = True
     """Whether cars with a radio have sensors."""
     sensing_range_m: float = Field(60.0, gt=0.0)
+    view_deg: float = Field(360.0, gt=0.0, le=360.0)
+    """Field of view, centred straight ahead."""
+    rear_only: bool = False
+    """Whether only cars that show their rear, up to 60 degrees aslant, are detected."""
     detection: float = Field(0.95, ge=0.0, le=1.0)
     """Probability that a car in view is detected in one tick."""
-    range_sigma_m: float = Field(0.4, gt=0.0)
+    range_sigma_m: float = Field(0.4, ge=0.0)
     range_sigma_per_m: float = Field(0.01, ge=0.0)
-    """Added to it, for each metre of range."""
+    """Added to it, for each metre of range; one of both is above 0."""
     bearing_sigma_rad: float = Field(0.01, gt=0.0)
+    range_rate_sigma_m_s: float | None = Field(None, gt=0.0)
+    """Error of the range rate; without it none is measured."""
     position_sigma_m: float = Field(0.4, gt=0.0)
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
     """Of each component of the velocity; the error of the course follows from it."""
@@ -68,6 +75,12 @@ class WorldSettings(Settings):
     """The 802.11p channel; replaces `reach_m` and `loss`."""
     blocker_radius_m: float = Field(0.9, ge=0.0)
     """A car occludes what lies behind a disc of this radius."""
+
+    @model_validator(mode="after")
+    def _has_a_range_error(self) -> Self:
+        if not self.range_sigma_m + self.range_sigma_per_m > 0.0:
+            raise ValueError("range_sigma_m and range_sigma_per_m are both 0; one must be above")
+        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,7 +233,8 @@ class MvsWorld:
         self._receive_fix(name, fix)
         self.fixes[name] = fix
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
-            east_m, north_m = (cars.middle_m[other] - cars.middle_m[own]).tolist()
+            apart_m = cars.middle_m[other] - cars.middle_m[own]
+            east_m, north_m = apart_m.tolist()
             range_m = math.hypot(east_m, north_m)
             range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m
             bearing_rad = math.atan2(east_m, north_m) - course_rad
@@ -232,6 +246,13 @@ class MvsWorld:
                 bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
                 settings.bearing_sigma_rad,
             )
+            rate_sigma_m_s = settings.range_rate_sigma_m_s
+            if rate_sigma_m_s is not None:
+                closing = cars.velocity_m_s[other] - cars.velocity_m_s[own]
+                rate_m_s = float(closing @ apart_m) / range_m + rate_sigma_m_s * self._rng.normal()
+                detection = replace(
+                    detection, range_rate_m_s=rate_m_s, range_rate_sigma_m_s=rate_sigma_m_s
+                )
             core.receive_detection(detection)
             if self._records_measurements:
                 self._record_measurement(name, cars.names[other], detection)
@@ -288,6 +309,11 @@ class MvsWorld:
         if self._blocked is not None:
             visible &= ~self._blocked(here, cars.middle_m[near])
         visible &= self._rng.random(len(near)) < self.settings.detection
+        sight_rad = np.arctan2(towards[:, 1], towards[:, 0])
+        half_rad = math.radians(self.settings.view_deg) / 2.0
+        visible &= _between(sight_rad, cars.heading_rad[own]) <= half_rad
+        if self.settings.rear_only:
+            visible &= _between(sight_rad, cars.heading_rad[near]) <= REAR_VIEW_RAD
         in_view: NDArray[np.intp] = near[visible]
         return in_view
 
@@ -320,6 +346,12 @@ class MvsWorld:
             )
             if shared is not None:
                 core.receive_sdsm(shared, self.now)
+
+
+def _between(angles_rad: Array, others_rad: Array) -> Array:
+    """Angles (n,) between directions, from 0 to pi."""
+    between_rad: Array = np.abs((angles_rad - others_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    return between_rad
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:

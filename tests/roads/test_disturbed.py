@@ -107,6 +107,19 @@ def test_a_driver_lets_go_of_the_brake_when_the_warning_is_over() -> None:
     assert later > slowed
 
 
+def test_a_car_brakes_as_requested_until_the_request_is_over_or_replaced() -> None:
+    """Its driver, who sees nothing to brake for, does not."""
+    traffic = DisturbedTraffic(platoon(1), None, ALERT, seed=1)
+    traffic.cars_at(0.9)
+    traffic.brake("car0", 1.0, 2.0, 6.0)
+    traffic.brake("car0", 1.5, 5.0, 2.0)
+    speeds = {at_s: float(traffic.cars_at(at_s).speed_m_s[0]) for at_s in (1.0, 1.5, 2.5)}
+    traffic.brake("car0", 2.5, 2.5, 0.0)
+
+    assert speeds == pytest.approx({1.0: SPEED_M_S, 1.5: SPEED_M_S - 3.0, 2.5: SPEED_M_S - 5.0})
+    assert traffic.cars_at(4.0).speed_m_s[0] > speeds[2.5]
+
+
 @pytest.fixture(scope="module")
 def busy() -> RecordedTraffic:
     return record(crossing(IntersectionSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)

@@ -25,6 +25,7 @@ from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSe
 from sim_rig.studies.mvs_events import EventSample
 from sim_rig.studies.mvs_outcomes import CrashOutcome, CrashPair
 from sim_rig.studies.mvs_scenes import SceneName
+from tests.sim_rig.lane_trace import write_lane
 
 ENCOUNTER = EncounterSettings(
     scenes=(SceneName.OWN_CROSSING,), warm_s=0.5, watched_s=1.5, after_s=4.0, near_m=20.0
@@ -215,14 +216,7 @@ def test_a_car_that_reaches_the_event_later_has_a_radio() -> None:
 
 
 def test_traffic_may_be_a_users_file(tmp_path: Path) -> None:
-    """Two cars at 15 m/s, 12 m from bumper to bumper."""
-    trace = tmp_path / "lane.csv"
-    rows = [
-        f"{at_s:.1f},{name},{15.0 * at_s - behind_m},0,0,15,4,2"
-        for at_s in np.arange(0.0, 30.0, 0.1)
-        for name, behind_m in (("first", 0.0), ("second", 16.0))
-    ]
-    trace.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    trace = write_lane(tmp_path / "lane.csv", 2)
     settings = SMALL.model_copy(
         update={
             "kinds": (TrafficEventKind.SUDDEN_BRAKE,),
@@ -270,14 +264,7 @@ def test_an_unknown_scene_is_an_error_that_lists_the_scenes(tmp_path: Path) -> N
 
 def test_the_events_of_several_scenes_take_turns(tmp_path: Path) -> None:
     """In each, three cars follow each other: two pairs."""
-    scenes = tuple(tmp_path / f"{name}.csv" for name in ("one", "other"))
-    for scene in scenes:
-        rows = [
-            f"{at_s:.1f},car{number},{15.0 * at_s - 16.0 * number},0,0,15,4,2"
-            for at_s in np.arange(0.0, 30.0, 0.1)
-            for number in range(3)
-        ]
-        scene.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    scenes = tuple(write_lane(tmp_path / f"{name}.csv", 3) for name in ("one", "other"))
     kind = TrafficEventKind.SUDDEN_BRAKE
 
     samples = [EventSample(scenes) for _ in range(2)]

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from onboard.brake_request.brake_requester import BrakeRequest
+from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.alarm import Cause
 from onboard.risk.settings import RiskSettings
@@ -55,6 +57,26 @@ def test_a_warning_is_the_risk_monitors() -> None:
 
 def test_a_driver_who_brakes_enough_when_the_radio_is_switched_on_is_not_warned() -> None:
     assert warned_at_s(car("lead", 35.0, 0.0), braking_m_s2=6.0) is None
+
+
+@pytest.mark.parametrize(
+    ("source", "brakes"), [(ObjectSource.SENSOR, True), (ObjectSource.BSM, False)]
+)
+def test_a_car_requests_to_brake_for_what_its_own_sensors_see(
+    source: ObjectSource, *, brakes: bool
+) -> None:
+    """By default, radio alone is not certain enough."""
+    model = WarningModel(RiskSettings(), 4.5, 1.8, BrakeRequestSettings())
+    model.receive_earlier_speeds(SPEED_M_S, 0.0, 0.0)
+    requested: list[BrakeRequest] = []
+    for tick in range(4):
+        now = tick / 10
+        seen = replace(car("lead", 35.0, 0.0), stamp_s=now, source=source)
+        model.assess(None, car("own", 0.0, SPEED_M_S), [seen], SPEED_M_S, now)
+        requested += model.take_brake_requests()
+
+    assert bool(requested) is brakes
+    assert all(request.deceleration_m_s2 > 3.0 for request in requested)
 
 
 def alarm_target(*others: PerceivedObject, within_s: float = 10.0) -> str | None:

@@ -5,12 +5,68 @@ import numpy as np
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
+from onboard.observations import VehicleDetection
 from sim_rig.propagation.path_loss import LogDistance
 from sim_rig.scenario.radio_settings import CsmaSettings
+from sim_rig.studies.mvs_profiles import WORLD_PROFILES
 from sim_rig.studies.mvs_roads import SixLaneRoad
 from sim_rig.studies.mvs_world import START_UTC_S, MvsWorld, WorldSettings
 
 SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0))
+
+
+def detections_of(settings: WorldSettings) -> list[tuple[VehicleDetection, str]]:
+    """What the first car of a six-lane road detects in one tick, and of which car."""
+    road = SixLaneRoad(4, 25.0, 1.0, 1.0, np.random.default_rng(1))
+    world = MvsWorld(road, {road.names[0]}, settings, SETTINGS, seed=1)
+    world.tick()
+    core = world.cores[road.names[0]] = Recorded()  # type: ignore[assignment]
+    world.tick()
+    names = {int.from_bytes(world.own_id(name)): name for name in road.names}
+    return [(each, names[each.track_id]) for each in core.detections]
+
+
+class Recorded:
+    """Stands for a core; keeps the detections."""
+
+    def __init__(self) -> None:
+        self.detections: list[VehicleDetection] = []
+
+    def receive_detection(self, detection: VehicleDetection) -> None:
+        self.detections.append(detection)
+
+    def receive_position(self, _: object) -> None:
+        """Not kept."""
+
+    def footer_to_send(self, _: float) -> None:
+        """Nothing is sent."""
+
+
+def test_a_sensor_has_a_field_of_view() -> None:
+    sure = WorldSettings(detection=1.0, sensing_range_m=100.0)
+    everywhere = detections_of(sure)
+    ahead = detections_of(sure.model_copy(update={"view_deg": 90.0}))
+
+    assert max(abs(each.bearing_rad) for each, _ in everywhere) > np.pi / 2.0
+    assert ahead
+    assert max(abs(each.bearing_rad) for each, _ in ahead) < np.radians(50.0)
+
+
+def test_a_camera_for_plates_detects_rears_only() -> None:
+    """The six lanes have three directions each: cars 0 to 11 drive one way."""
+    sure = WorldSettings(detection=1.0, sensing_range_m=100.0)
+    rears = detections_of(sure.model_copy(update={"rear_only": True}))
+
+    assert {name for _, name in rears} < {name for _, name in detections_of(sure)}
+    assert all(int(name.removeprefix("car")) < 12 for _, name in rears)
+    assert all(abs(each.bearing_rad) < np.radians(65.0) for each, _ in rears)
+
+
+def test_a_radar_measures_range_rates() -> None:
+    for name, has_rates in (("radar-150", True), ("camera-60", False)):
+        seen = detections_of(WORLD_PROFILES[name].model_copy(update={"detection": 1.0}))
+        assert seen
+        assert {each.range_rate_m_s is not None for each, _ in seen} == {has_rates}
 
 
 class Doubled:

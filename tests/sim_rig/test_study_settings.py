@@ -32,6 +32,12 @@ from sim_rig.studies.mvs_encounter import Method
             {"encounter": {"reactions": {"braking_m_s2": [8, 4]}}},
             "encounter.reactions.braking_m_s2: must be in ascending order",
         ),
+        (
+            "mvs-figure9",
+            {"encounter": {"world": "radar-9"}},
+            "encounter.world: no such profile of sensors (given 'radar-9'): paper, all-round-60",
+        ),
+        ("mvs-ablation", {"profiles": ["radar-9"]}, "profiles.0: no such profile of sensors"),
         ("mvs-figure8", {"scene": 5}, "mvs-figure8: scene: is a text, write it in quotes"),
         ("mvs-figure8", {"shares": []}, "shares: must have at least one value"),
         ("mvs-figure8", {"entries": [-5]}, "entries.0: Input should be greater than or equal to 0"),
@@ -72,6 +78,13 @@ def test_the_help_of_a_study_says_what_a_setting_means_and_allows() -> None:
     assert lines[lines.index("runs: 500") - 1] == "# Events of each kind."
     assert "# Of: none, dsrc, own, mo, rs, mvs" in lines
     assert "  near_m: 80.0" in lines
+
+
+def test_a_world_may_be_given_by_the_name_of_its_sensors() -> None:
+    tree = {"encounter": {"world": "radar-150"}}
+    world = parse_settings(tree, CollisionSettings, "mvs-figure9").encounter.world
+
+    assert (world.sensing_range_m, world.view_deg, world.range_rate_sigma_m_s) == (150.0, 40.0, 0.1)
 
 
 def test_a_case_that_settings_name_twice_is_run_once() -> None:

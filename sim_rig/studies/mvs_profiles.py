@@ -1,0 +1,34 @@
+"""Sensors of the cars in the MVS studies, by name: the rig's detectors, and invented ones."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from sim_rig.scenario.sensor_settings import SENSOR_PROFILES, VehicleCameraSettings
+from sim_rig.scenario.setting_types import by_name
+from sim_rig.studies.mvs_world import WorldSettings
+
+
+def _of_detector(detector: VehicleCameraSettings) -> WorldSettings:
+    return WorldSettings(
+        sensing_range_m=detector.sight_m,
+        view_deg=detector.view_deg,
+        rear_only=detector.rear_only,
+        detection=1.0 - detector.misses,
+        range_sigma_m=detector.range_sigma_m,
+        range_sigma_per_m=detector.range_sigma,
+        bearing_sigma_rad=detector.bearing_sigma_rad,
+        range_rate_sigma_m_s=detector.range_rate_sigma_m_s,
+    )
+
+
+WORLD_PROFILES: Mapping[str, WorldSettings] = {
+    "paper": WorldSettings(sensing_range_m=150.0, detection=1.0),
+    "all-round-60": WorldSettings(),
+    "all-round-120": WorldSettings(sensing_range_m=120.0),
+    **{name: _of_detector(detector) for name, detector in SENSOR_PROFILES.items()},
+}
+"""`paper` and `all-round-...` are invented: the paper states neither range nor field of view. The
+others are the rig's detectors, at ten detections a second; `plate-camera` is the one that ships."""
+
+WorldProfile = Annotated[WorldSettings, by_name("profile of sensors", WORLD_PROFILES)]
+"""Settings of a world, or the name of a profile."""
