@@ -190,7 +190,7 @@ def _out_of_turn(recording: RecordedTraffic, rng: np.random.Generator) -> list[S
     for (car, mine), (other, others) in ways:
         drive, crossed = recording.drives[car], recording.drives[other]
         later_s = (drive.first + mine - crossed.first - others) * STEP_S
-        for sooner_s in later_s + rng.uniform(-_TIMING_S, _TIMING_S, _TIMINGS):
+        for sooner_s in (later_s + rng.uniform(-_TIMING_S, _TIMING_S, _TIMINGS)).tolist():
             begins_s = round((drive.first + mine) * STEP_S - sooner_s - _OUT_OF_TURN_S, 1)
             event = TrafficEvent(
                 TrafficEventKind.RED_LIGHT, car, begins_s, sooner_s=float(sooner_s)

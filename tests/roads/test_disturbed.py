@@ -208,6 +208,7 @@ def test_a_shifted_car_does_not_overlap_the_car_ahead() -> None:
     ]
 
     assert {event.car for event in drawn} == {0, 1, 2}
+    assert {type(event.at_s) for event in drawn} == {float}  # so that JSON can represent results
     for event in drawn:
         traffic = DisturbedTraffic(recording, event, LOST, seed=1)
         for step in range(50):
