@@ -37,7 +37,7 @@ from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
-from onboard.security.key_files import read_credentials
+from onboard.security.key_files import read_own_credentials
 from onboard.step import BrakeButton, Input, Observation, ReceivedWsm
 from onboard.vision.camera import CameraThread
 from onboard.vision.networks import load_perception
@@ -92,8 +92,7 @@ class Daemon:
         """
         self.config = config
         self._manager = manager
-        folder = config.security.keys_folder
-        credentials = read_credentials(folder, config.psids) if folder is not None else None
+        credentials = read_own_credentials(config.security, config.psids)
         driver_file = config.access.driver_file
         self._driver = (
             load_driver(driver_file, DEFAULT_POPULATION)

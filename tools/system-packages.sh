@@ -2,7 +2,7 @@
 # Debian packages that some tests hold us against (tshark, gpsd, ...). Installed where we are
 # allowed to; where not, those tests skip and say so. Names given are installed in their place.
 set -u
-PACKAGES="${*:-tshark gpsd}"
+PACKAGES="${*:-tshark gpsd softhsm2 libx11-6}"
 
 missing=""
 for package in $PACKAGES; do

@@ -4,7 +4,8 @@
     CAR/crls/*.crl
     both: roots/*.cert, authorities/*.cert
 
-Certificates and revocation lists are encoded as in IEEE 1609.2, keys as PKCS #8 PEM. The cars of
+Certificates and revocation lists are encoded as in IEEE 1609.2, keys as PKCS #8 PEM; a car's keys
+may be in a token instead (`pkcs11_token.py`). The cars of
 another trial are trusted once its certificates are in `roots` and `authorities`.
 """
 
@@ -26,8 +27,10 @@ from onboard.security.certificate_codec import decode_certificate
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.pkcs11_token import Pkcs11Key, Pkcs11Token
 from onboard.security.rejection import NotTrusted
 from onboard.security.secured_crl import load_crl, trust_store
+from onboard.security.settings import SecuritySettings
 from onboard.security.trust import Trusted, TrustStore
 
 _OTHERS = 0o077
@@ -56,12 +59,20 @@ def write_credentials(folder: Path, credentials: Credentials) -> None:
         write_crl(folder / "crls" / f"{i:03}.crl", crl)
 
 
-def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
-    """Read what `write_credentials` wrote, for a car that sends in the services `psids`.
+def read_credentials(
+    folder: Path, psids: Collection[int] = (), token: Pkcs11Token | None = None
+) -> Credentials:
+    """Read what `write_credentials` wrote.
+
+    Args:
+        folder: the folder of a car.
+        psids: services in which it sends.
+        token: has the private keys that are not in the folder.
 
     Raises:
         KeyFilesError: something is missing, damaged, inconsistent, or readable by others, or the
             certificates do not permit these services.
+        TokenError: a key is neither in the folder nor in the token.
     """
     _require_private(folder)
     pseudonyms = folder / "pseudonyms"
@@ -71,7 +82,7 @@ def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
         raise KeyFilesError(f"{pseudonyms}: no certificate; make some with `onboard keys car`")
     crls = sorted((folder / "crls").glob("*.crl"))
     credentials = Credentials(
-        tuple(_read_credential(pseudonyms, name) for name in names),
+        tuple(_read_credential(pseudonyms, name, token) for name in names),
         *_read_trusted(folder),
         tuple(_read(crl) for crl in crls),
     )
@@ -85,6 +96,20 @@ def read_credentials(folder: Path, psids: Collection[int] = ()) -> Credentials:
         if missing:
             raise KeyFilesError(f"{file}: does not allow PSID {missing}; make some with --psid")
     return credentials
+
+
+def read_own_credentials(
+    security: SecuritySettings, psids: Collection[int] = ()
+) -> Credentials | None:
+    """Read the credentials that a car's settings name; `None` if they name none.
+
+    Raises:
+        KeyFilesError, TokenError: as `read_credentials`, or the token cannot be opened.
+    """
+    if security.keys_folder is None:
+        return None
+    token = None if security.token is None else Pkcs11Token(security.token)
+    return read_credentials(security.keys_folder, psids, token)
 
 
 def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
@@ -181,13 +206,18 @@ def _read_trusted(folder: Path) -> tuple[tuple[Certificate, ...], tuple[Certific
 
 def _write_credential(folder: Path, name: str, credential: Credential) -> None:
     _write(folder / f"{name}.cert", credential.certificate.encoded)
+    if isinstance(credential.key, Pkcs11Key):
+        return
     pem = credential.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
     _write(folder / f"{name}.key", pem)
 
 
-def _read_credential(folder: Path, name: str) -> Credential:
+def _read_credential(folder: Path, name: str, token: Pkcs11Token | None = None) -> Credential:
     certificate = _read_certificate(folder / f"{name}.cert")
     file = folder / f"{name}.key"
+    public_key = certificate.subject.public_key
+    if token is not None and public_key is not None and not file.exists():
+        return Credential(certificate, token.key_of(p256.public_key(public_key)))
     _require_private(file)
     try:
         key = load_pem_private_key(_read(file), password=None)

@@ -20,12 +20,25 @@ class PlateDigestSettings(Settings):
     """Cost of one derivation (N of scrypt, as a power of two): 14 takes 16 MiB and about 35 ms."""
 
 
+class TokenSettings(Settings):
+    """A PKCS #11 token with the private keys of this car."""
+
+    module: Path
+    """The library of the token, as /usr/lib/softhsm/libsofthsm2.so."""
+    label: str = Field(min_length=1, max_length=32)
+    """Label of the token."""
+    pin_file: Path
+    """File with the user's PIN."""
+
+
 class SecuritySettings(Settings):
     """How messages are signed and verified."""
 
     keys_folder: Path | None = None
     """The folder that `onboard keys` wrote for this car. Without one, messages are sent as 1609.2
     unsecured data, and received messages are not verified."""
+    token: TokenSettings | None = None
+    """Where the private keys are, if not in `keys_folder`."""
     plate_digest: PlateDigestSettings = PlateDigestSettings()
     check_braking: bool = True
     """Whether hard braking is accepted only of a sender whose BSM speeds do not contradict it, and

@@ -6,10 +6,11 @@ from pathlib import Path
 from onboard.errors import UserError
 from onboard.recorder.reader import RecordedDrive
 from onboard.recorder.retention import KEPT, segments_in
+from onboard.recorder.segment import IMAGES, LOCATIONS
 from sim_rig.run_log.run_log import Record
 
 _WSM_IN, _WSM_OUT, _STEP = "/in/wsm", "/out/wsm", "/in/step"
-_UNTRACED = frozenset({"wsm", "can", "step", "identity", "brake_button", "camera_image"})
+_UNTRACED = frozenset({"wsm", "can", "step", "identity", "brake_button"})
 """Kinds that a recording has and a trace has not."""
 
 
@@ -50,7 +51,7 @@ def read_box_recording(folder: Path) -> BoxRecording:
             frames.setdefault(bytes.fromhex(record["data"]), record["stamp_s"])
         elif entry.topic == _STEP and record["utc_s"] is not None:
             utc_offset_s = record["utc_s"] - record["stamp_s"]
-        elif record["kind"] not in _UNTRACED:
+        elif entry.topic not in (IMAGES, LOCATIONS) and record["kind"] not in _UNTRACED:
             records.append(record)
     return BoxRecording(own, records, sent, received, utc_offset_s)
 

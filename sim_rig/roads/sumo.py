@@ -11,12 +11,18 @@ from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
 
-import libsumo
 import numpy as np
 from typing_extensions import override
 
 from onboard.errors import UserError
 from sim_rig.roads.cars import Cars, Traffic
+
+try:
+    import libsumo
+except ModuleNotFoundError:
+    raise
+except ImportError as error:  # its wheel leaves libX11 to the system, and small ones lack it
+    raise UserError(f"SUMO cannot be loaded: {error} (on Debian: libx11-6)") from error
 
 NETWORKS = Path(__file__).with_name("networks")
 STEP_S = 0.1

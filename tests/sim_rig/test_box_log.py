@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from onboard.observations import Position
+from onboard.recorder.records import CameraImage, RecordedMessage
+from onboard.recorder.segment import IMAGES, Segment
 from sim_rig.boxes.box_log import FramesOfRun, box_log
 from sim_rig.boxes.box_recording import read_box_recording
 from tests.recorder.drive import START_S, START_UTC_S, record_drive
+from tests.recorder.headers import HEADER
 
 OFFSET_S = -4900.25
 """Rig time minus box time."""
@@ -45,6 +49,15 @@ def test_the_trace_is_on_the_rig_s_clock(recorded: Path, seen: FramesOfRun, tmp_
         assert ours["stamp_s"] - its["stamp_s"] == pytest.approx(log.clock.offset_s)
     copied = sorted(file.name for file in (tmp_path / "copy").iterdir())
     assert copied == sorted(file.name for file in recorded.iterdir())
+
+
+def test_images_and_positions_for_viewers_are_no_part_of_the_trace(tmp_path: Path) -> None:
+    segment = Segment(tmp_path / "20260101T000000.000Z-0000.mcap", HEADER, 0)
+    position = Position(1000.0, 52.1, 13.2, 34.0, 1.5, 10.0, 0.1)
+    segment.add(RecordedMessage(IMAGES, HEADER.utc_s, CameraImage(1000.0, b"\xff\xd8")))
+    segment.add(RecordedMessage("/in/position", HEADER.utc_s, position))
+    segment.close()
+    assert [record["kind"] for record in read_box_recording(tmp_path).records] == ["position"]
 
 
 def test_a_clock_that_is_wrong_by_an_hour_is_named(

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import onboard
 from onboard.config import CarConfig
-from onboard.security.key_files import KeyFilesError, read_credentials
+from onboard.security.key_files import KeyFilesError, read_own_credentials
+from onboard.security.pkcs11_token import TokenError
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor.finding import Finding, FindingLevel
 
@@ -120,7 +121,7 @@ def examine_free_space(folder: Path, free_bytes: int) -> Finding:
 
 def examine_keys(security: SecuritySettings, now_utc_s: float) -> list[Finding]:
     """Test the certificates, their validity at `now_utc_s`, and the community key."""
-    findings = [_certificates(security.keys_folder, now_utc_s)]
+    findings = [_certificates(security, now_utc_s)]
     default = PlateDigestSettings().community_key
     if security.plate_digest.community_key == default:
         public = "the community key is the public default, so plates are not secret"
@@ -128,15 +129,15 @@ def examine_keys(security: SecuritySettings, now_utc_s: float) -> list[Finding]:
     return findings
 
 
-def _certificates(folder: Path | None, now_utc_s: float) -> Finding:
-    if folder is None:
+def _certificates(security: SecuritySettings, now_utc_s: float) -> Finding:
+    try:
+        credentials = read_own_credentials(security)
+    except (KeyFilesError, TokenError) as error:
+        return Finding("keys", FindingLevel.MISSING, str(error), NEW_KEYS)
+    if credentials is None:
         unsigned = "messages are sent unsigned, and unsigned messages are accepted"
         return Finding("keys", FindingLevel.DOUBTFUL, unsigned, UNSIGNED)
-    try:
-        pseudonyms = read_credentials(folder).pseudonyms
-    except KeyFilesError as error:
-        return Finding("keys", FindingLevel.MISSING, str(error), NEW_KEYS)
-    subjects = [pseudonym.certificate.subject for pseudonym in pseudonyms]
+    subjects = [pseudonym.certificate.subject for pseudonym in credentials.pseudonyms]
     begins_s = min(subject.valid_from_utc_s for subject in subjects)
     ends_s = max(subject.valid_until_utc_s for subject in subjects)
     valid_until = datetime.fromtimestamp(ends_s, UTC).isoformat(sep=" ", timespec="minutes")

@@ -8,11 +8,14 @@ from typing import Annotated
 import typer
 
 from onboard import psid as psids
+from onboard.config import CarConfig
 from onboard.errors import UserError
-from onboard.security import key_files
+from onboard.security import key_files, p256
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Credentials
 from onboard.security.its_time import to_time32
+from onboard.security.pkcs11_token import Pkcs11Token
+from onboard.settings import load_settings
 from onboard.tools.test_ca import authority
 
 keys = typer.Typer(
@@ -87,6 +90,10 @@ def car(
     implicit: Annotated[
         bool, typer.Option(help="Make implicit certificates, as the US SCMS does.")
     ] = False,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="The car's configuration: makes the keys in its `security.token`."),
+    ] = None,
 ) -> None:
     """Make the pseudonym certificates of one vehicle, between which it changes as it drives."""
     issuer = key_files.read_authority(issuing)
@@ -94,8 +101,12 @@ def car(
         raise key_files.KeyFilesError(
             f"{issuing}: is a root; pseudonyms need an authority (`onboard keys issuing`)"
         )
+    token = None if config is None else load_settings(config, CarConfig).security.token
+    if config is not None and (token is None or implicit):
+        raise UserError(f"{config}: --config needs security.token, and explicit certificates")
+    new_key = p256.new_key if token is None else Pkcs11Token(token).new_key
     made = authority.make_pseudonyms(
-        issuer, count, _numbers(psid), implicit=implicit, **_valid(days)
+        issuer, count, _numbers(psid), new_key=new_key, implicit=implicit, **_valid(days)
     )
     key_files.write_credentials(folder, made)
     _print_pseudonyms(folder, made)
