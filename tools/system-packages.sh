@@ -1,8 +1,9 @@
 #!/bin/sh
-# Debian packages that some tests hold us against (tshark, gpsd, ...). Installed where we are
-# allowed to; where not, those tests skip and say so. Names given are installed in their place.
+# Debian packages that some tests hold us against (tshark, gpsd, ...), and libraries that SUMO's
+# wheel leaves to the system. Installed where we are allowed to; where not, those tests skip and say
+# so. Names given are installed in their place.
 set -u
-PACKAGES="${*:-tshark gpsd softhsm2 libx11-6}"
+PACKAGES="${*:-tshark gpsd softhsm2 libgl1 libxext6 libxrender1 libatomic1}"
 
 missing=""
 for package in $PACKAGES; do

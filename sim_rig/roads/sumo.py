@@ -21,8 +21,9 @@ try:
     import libsumo
 except ModuleNotFoundError:
     raise
-except ImportError as error:  # its wheel leaves libX11 to the system, and small ones lack it
-    raise UserError(f"SUMO cannot be loaded: {error} (on Debian: libx11-6)") from error
+except ImportError as error:  # its wheel leaves these to the system, and small ones lack them
+    packages = "libgl1 libxext6 libxrender1 libatomic1"
+    raise UserError(f"SUMO cannot be loaded: {error} (Debian: {packages})") from error
 
 NETWORKS = Path(__file__).with_name("networks")
 STEP_S = 0.1

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("libsumo", reason="SUMO lacks libX11 (libx11-6)", exc_type=ImportError)
+pytest.importorskip("libsumo", reason="SUMO lacks libraries", exc_type=ImportError)
 
 from sim_rig.roads.crashes import Crash, boxes_overlap
 from sim_rig.roads.disturbed import DisturbedTraffic

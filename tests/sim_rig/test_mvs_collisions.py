@@ -234,7 +234,7 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its settings state that, and it does not resume with the recording when that appears."""
-    pytest.importorskip("libsumo", reason="SUMO lacks libX11 (libx11-6)", exc_type=ImportError)
+    pytest.importorskip("libsumo", reason="SUMO lacks libraries", exc_type=ImportError)
     data, out = tmp_path / "data", tmp_path / "out"
     monkeypatch.setenv("RIG_DATA", str(data))
     monkeypatch.setattr(mvs_scenes, "_DRIVEN_S", 40.0)
