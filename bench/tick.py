@@ -24,8 +24,9 @@ from onboard.risk.settings import RiskSettings
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.tracking.tracks import TrackingParameters
 from onboard.units import KM_H
+from sim_rig.studies.mvs_bsms import TICK_S
 from sim_rig.studies.mvs_roads import SPEED_M_S, SixLaneRoad
-from sim_rig.studies.mvs_world import START_UTC_S, TICK_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs_world import START_UTC_S, MvsWorld, WorldSettings
 
 TICKS, WARM, ROUNDS = 20, 10, 10
 RADIOS, SPACING_M = 41, 22.0

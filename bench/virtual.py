@@ -13,9 +13,10 @@ import numpy as np
 from bench import Figure
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.risk.settings import RiskSettings
+from sim_rig.studies.mvs_bsms import TICK_S
 from sim_rig.studies.mvs_driver_warning import WarningModel
 from sim_rig.studies.mvs_roads import LANES_M, SixLaneRoad
-from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs_world import MvsWorld, WorldSettings
 from sim_rig.studies.soak_fleet import resident_bytes
 
 SHARE = 0.4
@@ -58,6 +59,9 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
             core.update(world.now)
             objects = core.kinematic_info(world.now)
             own = core.host_vehicle(world.now)
-            models[name].assess(world.fixes[name], own, objects, 12.0, world.now)
+            models[name].receive_speed(world.bsm_sources[name].speeds[-1])
+            for message in world.received.get(name, ()):
+                models[name].receive_bsm(message, world.now)
+            models[name].assess(world.fixes[name], own, objects, world.now)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

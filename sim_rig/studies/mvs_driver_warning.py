@@ -5,17 +5,12 @@ from dataclasses import dataclass
 
 from onboard.brake_request.brake_requester import BrakeRequest, BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
+from onboard.messages.bsm import BasicSafetyMessage
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
-from sim_rig.studies.mvs_world import TICK_S
-
-_EARLIER_SPEEDS = 6
-"""That the monitor knows at the start, one a tick."""
-_RESOLUTION_M_S = 0.02
-"""Of the speed, as of a wheel-speed signal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,26 +44,21 @@ class WarningModel:
         self._requester = None if brake_request is None else BrakeRequester(brake_request)
         self._active: dict[Cause, DriverWarning] = {}
 
-    def receive_earlier_speeds(
-        self, speed_m_s: float, acceleration_m_s2: float, now: float
-    ) -> None:
-        """Let the car have driven before `now`, when its radio is switched on.
+    def receive_speed(self, speed: Speed) -> None:
+        """Take a sample of the host vehicle's speed."""
+        self._monitor.receive_speed(speed)
+        if self._requester is not None:
+            self._requester.receive_speed(speed)
 
-        Args:
-            speed_m_s: at `now`.
-            acceleration_m_s2: all the time.
-            now: the time.
-        """
-        for tick in range(_EARLIER_SPEEDS, 0, -1):
-            earlier_m_s = max(speed_m_s - acceleration_m_s2 * tick * TICK_S, 0.0)
-            self._receive_speed(earlier_m_s, now - tick * TICK_S)
+    def receive_bsm(self, message: BasicSafetyMessage, now: float) -> None:
+        """Take the BSM of a remote vehicle."""
+        self._monitor.receive_bsm(message, now)
 
     def assess(
         self,
         fix: Position | None,
         own: PerceivedObject | None,
         cars: Sequence[PerceivedObject],
-        speed_m_s: float,
         now: float,
     ) -> DriverWarning | None:
         """Evaluate all perceived objects.
@@ -77,13 +67,11 @@ class WarningModel:
             fix: the last one of the host vehicle's receiver.
             own: the host vehicle; None without a position.
             cars: its perceived objects.
-            speed_m_s: of the host vehicle.
             now: time of the evaluation.
 
         Returns:
             An active warning, or None.
         """
-        self._receive_speed(speed_m_s, now)
         if fix is not None:
             self._monitor.receive_position(fix)
         self._monitor.assess(own, cars, now)
@@ -105,9 +93,3 @@ class WarningModel:
             if request is None:
                 return
             yield request
-
-    def _receive_speed(self, speed_m_s: float, at_s: float) -> None:
-        speed = Speed(at_s, speed_m_s, _RESOLUTION_M_S, "study")
-        self._monitor.receive_speed(speed)
-        if self._requester is not None:
-            self._requester.receive_speed(speed)

@@ -22,13 +22,14 @@ from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.mvs_bsms import TICK_S
 from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
 from sim_rig.studies.mvs_events import SampledEvent, event_sample
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
 from sim_rig.studies.mvs_profiles import WorldProfile
 from sim_rig.studies.mvs_scenes import SceneName, SceneSource
-from sim_rig.studies.mvs_world import TICK_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs_world import MvsWorld, WorldSettings
 
 _PATH_M = np.arange(0.0, 61.0, 10.0)
 """Points of the event car's path ahead of it, where other cars may cross."""
@@ -331,9 +332,10 @@ class _EquippedCars:
                 positions_m = np.array([world.world_position_m(name, car.state) for car in objects])
                 self._pair.receive_perceived(name, positions_m, cars)
             model = self._model(cars, at)
-            warning = model.assess(
-                world.fixes[name], own, objects, float(cars.speed_m_s[at]), world.now
-            )
+            model.receive_speed(world.bsm_sources[name].speeds[-1])
+            for message in world.received.get(name, ()):
+                model.receive_bsm(message, world.now)
+            warning = model.assess(world.fixes[name], own, objects, world.now)
             for request in model.take_brake_requests():
                 begin_s = request.stamp_s + BRAKE_DELAY_S
                 until_s = begin_s + request.valid_s
@@ -350,9 +352,8 @@ class _EquippedCars:
             self._models[name] = WarningModel(
                 self._settings.risk, *_size_m(cars, at), self._settings.brake_request
             )
-            self._models[name].receive_earlier_speeds(
-                float(cars.speed_m_s[at]), float(cars.acceleration_m_s2[at]), self._world.now
-            )
+            for speed in list(self._world.bsm_sources[name].speeds)[:-1]:
+                self._models[name].receive_speed(speed)
         return self._models[name]
 
     def _warn(self, name: str, *, right: bool) -> None:

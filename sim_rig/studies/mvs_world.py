@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from onboard.bsm_transmission.transmitter import position_in
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import sdsm
+from onboard.messages.bsm import BasicSafetyMessage
 from onboard.mvs.footer_coding import read
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
@@ -26,14 +28,15 @@ from onboard.observations import Position, VehicleDetection
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
+from onboard.units import KM_H
 from sim_rig.cars.vehicle_camera import REAR_VIEW_RAD
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
+from sim_rig.studies.mvs_bsms import TICK_S, BsmSource
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
-TICK_S = 0.1
 START_UTC_S = 1_750_000_000.0
 _BSM_PRIORITY = 5
 _ARRIVAL_M_S = 10.0
@@ -65,6 +68,8 @@ class WorldSettings(Settings):
     position_sigma_m: float = Field(0.4, gt=0.0)
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
     """Of each component of the velocity; the error of the course follows from it."""
+    bus_speed_step_m_s: float = Field(KM_H, gt=0.0)
+    """Resolution of the speed on the car's bus; by default that of OBD, polled in each tick."""
     reach_m: float = Field(300.0, gt=0.0)
     """Range of the radio."""
     loss: float = Field(0.0, ge=0.0, le=1.0)
@@ -93,13 +98,13 @@ class TrueMeasurement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Bsm:
-    """Contents of a BSM."""
+class _Sent:
+    """What a car sends in one tick."""
 
     sender: str
-    fix: Position
-    acceleration_m_s2: float
+    bsm: BasicSafetyMessage
     footer: bytes | None
+    """The footer of the BSM."""
     sdsm: bytes | None
     """The SDSM that is sent with it."""
 
@@ -156,6 +161,10 @@ class MvsWorld:
         self.cores: dict[str, MultiVehicleSensing] = {}
         self.fixes: dict[str, Position] = {}
         """The last fix of each car with a radio."""
+        self.bsm_sources: dict[str, BsmSource] = {}
+        """Of each car with a radio."""
+        self.received: dict[str, list[BasicSafetyMessage]] = {}
+        """The BSMs that each car has received and used in the last tick."""
         self._reference_hosts: dict[str, HostVehicle] = {}
         """Process the same inputs as each core, to compute the measurements that it makes; empty if
         these are not recorded."""
@@ -165,7 +174,7 @@ class MvsWorld:
         self.sent: list[SentFooter] = []
         """Footers of the last tick."""
         self.now = 0.0
-        self._channel: StudyChannel[_Bsm] | None = None
+        self._channel: StudyChannel[_Sent] | None = None
         channel = settings.csma or settings.sidelink
         if channel is not None:
             rng = np.random.default_rng([seed, 2])
@@ -179,13 +188,14 @@ class MvsWorld:
         """Let every present car with a radio sense and send once."""
         self.measurements.clear()
         self.sent.clear()
+        self.received.clear()
         began = self.now
         cars = self.traffic.cars_at(began)
         if self._channel is not None:
             self._channel.place(cars)
         with_radio = [name for name in cars.names if name in self.equipped]
         for gone in self.cores.keys() - set(with_radio):
-            del self.cores[gone]
+            del self.cores[gone], self.bsm_sources[gone]
         for name in with_radio:
             if name not in self.cores:
                 self._join(name, cars)
@@ -216,12 +226,23 @@ class MvsWorld:
         self.cores[name] = MultiVehicleSensing(
             self._mvs_settings, own_id, rng, START_UTC_S, tracking=self._tracking
         )
+        own = cars.names.index(name)
+        size_m = float(cars.length_m[own]), float(cars.width_m[own])
+        step_m_s = self.settings.bus_speed_step_m_s
+        source = BsmSource(own_id, size_m, step_m_s, rng, START_UTC_S)
+        source.receive_earlier_speeds(
+            float(cars.speed_m_s[own]),
+            float(cars.acceleration_m_s2[own]),
+            self.now + self._phases[name] * TICK_S,
+        )
+        self.bsm_sources[name] = source
         if self._records_measurements:
             self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
-        self._receive_fix(name, self._fix(cars, cars.names.index(name), speed_m_s=_ARRIVAL_M_S))
+        self._receive_fix(name, self._fix(cars, own, speed_m_s=_ARRIVAL_M_S))
 
     def _receive_fix(self, name: str, fix: Position) -> None:
         self.cores[name].receive_position(fix)
+        self.bsm_sources[name].receive_position(fix)
         if name in self._reference_hosts:
             self._reference_hosts[name].receive_position(fix)
 
@@ -229,7 +250,9 @@ class MvsWorld:
         core, settings = self.cores[name], self.settings
         own = cars.names.index(name)
         course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
-        fix = self._fix(cars, own, float(cars.speed_m_s[own]))
+        source, speed_m_s = self.bsm_sources[name], float(cars.speed_m_s[own])
+        source.receive_speed(speed_m_s, self.now)
+        fix = self._fix(cars, own, speed_m_s)
         self._receive_fix(name, fix)
         self.fixes[name] = fix
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
@@ -262,8 +285,9 @@ class MvsWorld:
         if shared_in is not SharedIn.FOOTER:
             shared = core.sdsm_to_send(self.now)
         message = None if shared is None else sdsm.encode(shared)
-        acceleration_m_s2 = float(cars.acceleration_m_s2[own])
-        self._broadcast(own, _Bsm(name, fix, acceleration_m_s2, footer, message), cars)
+        heading = core.heading(self.now)
+        held_rad = None if heading is None else heading.heading_rad
+        self._broadcast(own, _Sent(name, source.bsm(held_rad, self.now), footer, message), cars)
 
     def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
         settings = self.settings
@@ -317,33 +341,42 @@ class MvsWorld:
         in_view: NDArray[np.intp] = near[visible]
         return in_view
 
-    def _broadcast(self, own: int, bsm: _Bsm, cars: Cars) -> None:
+    def _broadcast(self, own: int, sent: _Sent, cars: Cars) -> None:
         if self._channel is not None:
-            size_bytes = BSM_BYTES + len(bsm.footer or b"") + len(bsm.sdsm or b"")
-            self._channel.send(bsm.sender, bsm, size_bytes, _BSM_PRIORITY, self.now)
+            size_bytes = BSM_BYTES + len(sent.footer or b"") + len(sent.sdsm or b"")
+            self._channel.send(sent.sender, sent, size_bytes, _BSM_PRIORITY, self.now)
             return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
         reached = (apart_m < self.settings.reach_m) & (
             self._rng.random(len(cars)) >= self.settings.loss
         )
         reached[own] = False
-        self._deliver(bsm, [cars.names[i] for i in np.flatnonzero(reached)])
+        self._deliver(sent, [cars.names[i] for i in np.flatnonzero(reached)])
 
     def _receive(self) -> None:
-        for bsm, receivers in self._channel.received(self.now) if self._channel is not None else ():
-            self._deliver(bsm, receivers)
+        channel = self._channel
+        for sent, receivers in channel.received(self.now) if channel is not None else ():
+            self._deliver(sent, receivers)
 
-    def _deliver(self, bsm: _Bsm, reached: Iterable[str]) -> None:
+    def _deliver(self, sent: _Sent, reached: Iterable[str]) -> None:
         receivers = tuple(name for name in reached if name in self.cores)
-        entries, shared = None, None if bsm.sdsm is None else sdsm.decode(bsm.sdsm)
-        if bsm.footer is not None:
-            entries = read(bsm.footer)
-            self.sent.append(SentFooter(self.now, bsm.sender, bsm.footer, entries, receivers))
+        entries, shared = None, None if sent.sdsm is None else sdsm.decode(sent.sdsm)
+        if sent.footer is not None:
+            entries = read(sent.footer)
+            self.sent.append(SentFooter(self.now, sent.sender, sent.footer, entries, receivers))
+        part_one = sent.bsm.core
+        position = position_in(part_one, self.now, START_UTC_S)
         for receiver in receivers:
             core = self.cores[receiver]
-            core.receive_bsm(
-                self.own_id(bsm.sender), bsm.fix, entries, self.now, bsm.acceleration_m_s2
+            is_used = core.receive_bsm(
+                part_one.temporary_id,
+                position,
+                entries,
+                self.now,
+                part_one.acceleration.longitudinal_m_s2,
             )
+            if is_used:
+                self.received.setdefault(receiver, []).append(sent.bsm)
             if shared is not None:
                 core.receive_sdsm(shared, self.now)
 

@@ -8,6 +8,7 @@ import pytest
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.observations import Speed
 from onboard.risk.alarm import Cause
 from onboard.risk.settings import RiskSettings
 from sim_rig.studies.mvs_driver_warning import WarningModel
@@ -39,11 +40,13 @@ def car(
 def warned_at_s(lead: PerceivedObject, *, braking_m_s2: float = 0.0) -> float | None:
     """Drive 0.8 s at nearly the same gap, judged ten times a second."""
     model = WarningModel(RiskSettings(), 4.5, 1.8)
-    model.receive_earlier_speeds(SPEED_M_S, -braking_m_s2, 0.0)
-    for tick in range(8):
+    for tick in range(-6, 8):
         now, speed_m_s = tick / 10, SPEED_M_S - braking_m_s2 * tick / 10
+        model.receive_speed(Speed(now, speed_m_s, 0.02, "test"))
+        if tick < 0:
+            continue
         seen = replace(lead, stamp_s=now)
-        warning = model.assess(None, car("own", 0.0, speed_m_s), [seen], speed_m_s, now)
+        warning = model.assess(None, car("own", 0.0, speed_m_s), [seen], now)
         if warning is not None:
             assert (warning.cause, warning.target.name) == (Cause.FCW, "lead")
             return now
@@ -67,12 +70,14 @@ def test_a_car_requests_to_brake_for_what_its_own_sensors_see(
 ) -> None:
     """By default, radio alone is not certain enough."""
     model = WarningModel(RiskSettings(), 4.5, 1.8, BrakeRequestSettings())
-    model.receive_earlier_speeds(SPEED_M_S, 0.0, 0.0)
     requested: list[BrakeRequest] = []
-    for tick in range(4):
+    for tick in range(-6, 4):
         now = tick / 10
+        model.receive_speed(Speed(now, SPEED_M_S, 0.02, "test"))
+        if tick < 0:
+            continue
         seen = replace(car("lead", 35.0, 0.0), stamp_s=now, source=source)
-        model.assess(None, car("own", 0.0, SPEED_M_S), [seen], SPEED_M_S, now)
+        model.assess(None, car("own", 0.0, SPEED_M_S), [seen], now)
         requested += model.take_brake_requests()
 
     assert bool(requested) is brakes

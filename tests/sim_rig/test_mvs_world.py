@@ -41,6 +41,9 @@ class Recorded:
     def footer_to_send(self, _: float) -> None:
         """Nothing is sent."""
 
+    def heading(self, _: float) -> None:
+        """It has none."""
+
 
 def test_a_sensor_has_a_field_of_view() -> None:
     sure = WorldSettings(detection=1.0, sensing_range_m=100.0)
@@ -136,3 +139,20 @@ def test_over_the_channel_near_cars_receive_and_far_cars_do_not() -> None:
     weak = MvsWorld(road, set(road.names[::2]), far, SETTINGS, seed=1)
     weak.tick()
     assert all(len(sent.receivers) < len(weak.cores) - 1 for sent in weak.sent)
+
+
+def test_receivers_get_the_bsms_of_their_neighbours() -> None:
+    """With the sender's size and speed; its own are not among them."""
+    road = SixLaneRoad(2, 25.0, 1.0, 1.0, np.random.default_rng(1))
+    world = MvsWorld(road, set(road.names[:4]), WorldSettings(), SETTINGS, seed=1)
+    for _ in range(3):
+        world.tick()
+    cars = world.traffic.cars_at(world.now)
+
+    assert set(world.received) == set(road.names[:4])
+    for receiver, messages in world.received.items():
+        senders = {each.core.temporary_id for each in messages}
+        assert senders == {world.own_id(name) for name in road.names[:4] if name != receiver}
+        for each in messages:
+            assert each.core.size.length_m == round(float(cars.length_m[0]), 2)
+            assert abs(each.core.speed_m_s - cars.speed_m_s[0]) < 5.0
