@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from onboard.errors import UserError
+from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.campaign import Workers, run_campaign
 from sim_rig.studies.mvs_collisions import CollisionSettings, run_one
@@ -24,9 +25,15 @@ SETTINGS = CollisionSettings(
     methods=(Method.OWN,),
     compared_at=None,
     encounter=EncounterSettings(
-        scenes=(SceneName.OWN_CROSSING,), warm_s=0.5, watched_s=1.6, after_s=4.0, near_m=20.0
+        scenes=(SceneName.OWN_CROSSING,),
+        warm_s=0.5,
+        watched_s=1.6,
+        after_s=4.0,
+        near_m=20.0,
+        reactions=ReactionSettings(warned_median_s=5.0),
     ),
 )
+"""Warned drivers react too late, so that the crash happens."""
 WITHOUT, WITH = 0, 4
 """The runs: in both a red-light runner is run into; in the second both cars have a radio."""
 
