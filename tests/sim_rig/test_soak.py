@@ -21,7 +21,7 @@ from sim_rig.studies.soak_load import load
 from sim_rig.studies.soak_testbench import run_daemons
 
 
-def test_bsm_load_keeps_its_rate_and_sends_valid_bsms_of_many_vehicles(tmp_path: Path) -> None:
+def test_bsm_load_sends_all_that_is_due_as_valid_bsms_of_many_vehicles(tmp_path: Path) -> None:
     utc_s = time.time()
     trial = make_trial(["background", "own"], {psid.BSM}, utc_s, pseudonyms=20)
     write_credentials(tmp_path / "background", trial["background"])
@@ -41,9 +41,9 @@ def test_bsm_load_keeps_its_rate_and_sends_valid_bsms_of_many_vehicles(tmp_path:
             except BlockingIOError:
                 break
 
-    assert len(received) == int(output.stdout) == pytest.approx(250, rel=0.2)
-    own = SecurityServices(utc_s, trial["own"])
-    opened = [own.open(wsmp.decode(each).payload, psid.BSM, 1.0) for each in received]
+    assert len(received) == int(output.stdout) == 250
+    own, now = SecurityServices(utc_s, trial["own"]), time.time() - utc_s
+    opened = [own.open(wsmp.decode(each).payload, psid.BSM, now) for each in received]
     cores = [bsm.decode(each.payload).core for each in opened]
     assert len({core.temporary_id for core in cores}) == 20
     assert len({each.signer_id for each in opened}) == 20
