@@ -21,15 +21,10 @@ from onboard.config import CarConfig
 from onboard.core import Core
 from onboard.errors import DecodeError
 from onboard.intersections.intersections import Intersections
-from onboard.lcca.events import (
-    PrecedingVehicle,
-    TrackedVehicle,
-    WarningLevel,
-    WarningOver,
-    WarningRaised,
-)
+from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
+from onboard.lcca_application import LccaApplication
 from onboard.messages import bsm, lcca, sdsm
 from onboard.messages.bsm_core import VehicleSize
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
@@ -44,12 +39,8 @@ from onboard.observations import (
     Discarded,
     HardBrake,
     Lead,
-    LeadIdentity,
-    Plate,
     Position,
     Sensor,
-    SensorLost,
-    SensorRecovered,
     Speed,
     TurnSignal,
     VehicleDetection,
@@ -57,21 +48,17 @@ from onboard.observations import (
 from onboard.risk.alarm import Assessment, Cause
 from onboard.risk.monitor import RiskMonitor
 from onboard.security.credentials import Credentials
-from onboard.security.epoch_ids import CarIds, EpochIds
 from onboard.security.misbehaviour_detection import MisbehaviourDetector
-from onboard.security.pending_warnings import PendingWarnings
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
-from onboard.security.region import TwoDLocation, is_in
+from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
-from onboard.security.sender_check import sender_violation
-from onboard.sensors.frozen_speed import FrozenSpeed
-from onboard.sensors.sensor_timeout import SensorTimeouts
+from onboard.sensors.host_sensors import HostSensors
 from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
 from onboard.units import STANDARD_GRAVITY_M_S2
-from onboard.wave_link import MessageReceived, MessageSent, WaveLink
+from onboard.wave_link import MessageSent, WaveLink
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 if TYPE_CHECKING:
@@ -130,20 +117,32 @@ class Stack:
         self._config = config
         self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
-        self._epoch_ids = EpochIds(self._digest, config.car.plate)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._misbehaviour_detector = MisbehaviourDetector(
             check_braking=config.security.check_braking
         )
-        self._pending_warnings = PendingWarnings(self._misbehaviour_detector)
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, (*psid.J2735, config.lcca_psid))
-        self._group = WarningGroup(config.lcca.parameters(), self._pseudonym.car_id, rng)
-        self._identification = Identification(
-            self._pseudonym.car_id, self._pseudonym.temporary_id, rng
+        sensors = tuple(sensors)
+        self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
+        self._claims: AlarmClaims | None = None
+        if credentials is not None and config.security.check_braking:
+            self._claims = AlarmClaims(
+                self._misbehaviour_detector.signer_of,
+                self._security.is_road_side_unit,
+                has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
+            )
+        self._lcca = LccaApplication(
+            config.lcca.parameters(),
+            config.car.plate,
+            self._pseudonym,
+            rng,
+            digest=self._digest,
+            security=self._security,
+            misbehaviour=self._misbehaviour_detector,
+            claims=self._claims,
         )
-        self._lead: Lead | None = None
         self._place: TwoDLocation | None = None
         size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
         self._transmitter = BsmTransmitter(size, self._pseudonym, rng, now)
@@ -156,14 +155,6 @@ class Stack:
             else None
         )
         self._intersections = Intersections()
-        sensors = tuple(sensors)
-        self._claims: AlarmClaims | None = None
-        if credentials is not None and config.security.check_braking:
-            self._claims = AlarmClaims(
-                self._misbehaviour_detector.signer_of,
-                self._security.is_road_side_unit,
-                has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
-            )
         self._risk = RiskMonitor(
             config.risk, config.car.length_m, config.car.width_m, self._permits
         )
@@ -175,10 +166,6 @@ class Stack:
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
         self._events: deque[Event] = deque()
         self._use_credential(now)
-        limits_s = config.sensor_timeouts.limits_s(sensors)
-        self._sensor_timeouts = SensorTimeouts(limits_s, now)
-        self._frozen_speed = FrozenSpeed()
-        self._has_detector = Sensor.DETECTOR in limits_s
         self._stages = tuple(self._make_stages())
 
     def _make_stages(self) -> Iterable[_Stage]:
@@ -200,10 +187,10 @@ class Stack:
         yield _Stage(self._intersections, _pass_nothing_on)
         yield _Stage(self._mvs, _pass_nothing_on)
         yield _Stage(self._link, _pass_nothing_on)
-        yield _Stage(self._sensor_timeouts, _pass_nothing_on)
-        yield _Stage(self._pending_warnings, self._take_warnings)
-        yield _Stage(self._identification, _pass_nothing_on)
-        yield _Stage(self._group, self._take_group)
+        yield _Stage(self._sensors, _pass_nothing_on)
+        yield _Stage(self._lcca.pending_warnings, self._take_lcca)
+        yield _Stage(self._lcca.identification, _pass_nothing_on)
+        yield _Stage(self._lcca.group, self._take_lcca)
 
     @property
     def digest(self) -> PlateDigest:
@@ -213,12 +200,12 @@ class Stack:
     @property
     def group(self) -> WarningGroup:
         """Warning group, for display."""
-        return self._group
+        return self._lcca.group
 
     @property
     def identification(self) -> Identification:
         """Identification of the car ahead, for display."""
-        return self._identification
+        return self._lcca.identification
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
@@ -257,12 +244,10 @@ class Stack:
         return min(self._assess_at, *(stage.core.get_timer() for stage in self._stages))
 
     def _handle_timer(self, now: float) -> None:
-        pseudonym = self._pseudonyms.at(self._utc_s(now))
+        pseudonym = self._pseudonyms.at(self._security.utc_s(now))
         if pseudonym is not self._pseudonym:
             self._change_pseudonym(pseudonym, now)
-        next_id = self._epoch_ids.own_next(self._utc_s(now))
-        if next_id is not None:
-            self._group.receive_next_own_id(next_id)
+        self._lcca.prepare_next_epoch(now)
         if now >= self._assess_at:
             self._assess(now)
         for core, pass_on in self._stages:
@@ -294,7 +279,7 @@ class Stack:
                 self._receive_observation(received, now)
 
     def _receive_observation(self, observation: Observation, now: float) -> None:
-        if self._is_ignored(observation, now):
+        if not self._sensors.receive(observation, now):
             return
         match observation:
             case Speed():
@@ -306,44 +291,42 @@ class Stack:
                 self._transmitter.receive_turn_signal(observation)
                 self._risk.receive_turn_signal(observation)
             case HardBrake():
-                self._group.receive_hard_brake(observation, now)
+                self._lcca.group.receive_hard_brake(observation, now)
                 self._transmitter.receive_hard_brake(observation, now)
             case Lead():
-                self._sensor_timeouts.receive_sample(Sensor.CAMERA, observation.stamp_s, now)
                 self._receive_lead(observation, now)
-                self._risk.receive_lead(observation, now)
-                self._request_braking(now)
             case Position():
                 self._place = TwoDLocation(observation.latitude_deg, observation.longitude_deg)
-                self._sensor_timeouts.receive_sample(Sensor.POSITION, observation.stamp_s, now)
-                self._frozen_speed.receive_position(observation)
                 self._transmitter.receive_position(observation)
                 self._mvs.receive_position(observation)
                 self._risk.receive_position(observation)
                 self._intersections.receive_position(observation)
-            case VehicleDetection() | DetectionList():
-                self._receive_detections(observation, now)
-            case SensorLost():
-                self._sensor_timeouts.receive_loss(observation.sensor, observation.reason, now)
-                return
-            case SensorRecovered():
-                self._sensor_timeouts.receive_sample(observation.sensor, observation.stamp_s, now)
-                return
+            case VehicleDetection():
+                self._mvs.receive_detection(observation)
+            case DetectionList():
+                for detection in observation.cars:
+                    self._mvs.receive_detection(detection)
         if self._access is not None:
-            _adapt_access(self._access, observation, now)
+            self._access.receive(observation, now)
             self._take_access(now)
         self._events.append(observation)
 
     def _receive_speed(self, speed: Speed, now: float) -> None:
-        self._sensor_timeouts.receive_sample(Sensor.SPEED, speed.stamp_s, now)
         if self._claims is not None:
             self._claims.receive_speed(speed.speed_m_s, now)
-        self._identification.receive_speed(speed.speed_m_s, speed.stamp_s)
-        self._group.receive_speed(speed.speed_m_s, now)
+        self._lcca.identification.receive_speed(speed.speed_m_s, speed.stamp_s)
+        self._lcca.group.receive_speed(speed.speed_m_s, now)
         self._transmitter.receive_speed(speed)
         self._risk.receive_speed(speed)
         if self._brake_requester is not None:
             self._brake_requester.receive_speed(speed)
+
+    def _receive_lead(self, lead: Lead, now: float) -> None:
+        if self._claims is not None:
+            self._claims.receive_lead(lead, now)
+        self._lcca.receive_lead(lead, now)
+        self._risk.receive_lead(lead, now)
+        self._request_braking(now)
 
     def _receive_wsm(self, data: bytes, now: float) -> None:
         received = self._link.receive_wsm(data, now)
@@ -358,92 +341,20 @@ class Stack:
             case psid.SENSOR_SHARING:
                 self._receive_sdsm(opened, now)
             case psid.MAP | psid.SPAT:
-                self._intersections.receive_message(service, opened, now, self._utc_s(now))
+                self._intersections.receive_message(service, opened, now, self._security.utc_s(now))
             case _:
-                self._receive_lcca(opened, now)
+                heading = self._mvs.heading(now)
+                heading_rad = None if heading is None else heading.heading_rad
+                self._lcca.receive_message(opened, heading_rad, now)
+                self._take_lcca(now)
 
     def _is_outside_region(self, opened: Opened, place: TwoDLocation | None, now: float) -> bool:
-        """Whether a message comes from where its certificate is not valid (IEEE 1609.2, 5.2.3).
-
-        Args:
-            opened: the message, which may say where it was generated.
-            place: what else is known of the place: in its payload, or that of the receiver.
-            now: the time.
-        """
-        place = opened.location or place
-        if place is None or all(is_in(place, region) for region in opened.regions):
+        """Whether a message comes from where its certificate is not valid."""
+        if opened.is_valid_at(place):
             return False
         reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
         self._events.append(Discarded(now, "security", reason, f"from {signer.hex()}"))
         return True
-
-    def _receive_lcca(self, opened: Opened, now: float) -> None:
-        try:
-            message = lcca.decode(opened.payload)
-        except DecodeError as error:
-            self._events.append(Discarded(now, "lcca", error.reason, error.detail))
-            return
-        self._events.append(
-            MessageReceived(now, message.kind, opened.signer_id, lcca.as_dict(message))
-        )
-        if opened.signer_id is not None:
-            self._misbehaviour_detector.receive_car_id(opened.signer_id, message.sender_id)
-        if isinstance(message, lcca.Inquiry | lcca.Answer):
-            self._receive_identification(message, opened.signer_id, now)
-            return
-        violation = None
-        if opened.signer_id is not None:
-            heading = self._mvs.heading(now)
-            violation = sender_violation(
-                message,
-                opened.signer_id,
-                self._misbehaviour_detector,
-                predecessor_id=self._group.predecessor_id,
-                predecessor_signer=self._identification.sender,
-                heading_rad=None if heading is None else heading.heading_rad,
-            )
-        if violation is not None:
-            self._events.append(
-                Discarded(now, "lcca", violation, f"{message.kind} from {message.sender_id.hex()}")
-            )
-            return
-        if self._is_ignored_warning(message, opened.signer_id, now):
-            source = f"a warning from {message.sender_id.hex()}"
-            self._events.append(Discarded(now, "lcca", "ignored_signer", source))
-            return
-        match message:
-            case lcca.Warn():
-                self._pending_warnings.receive_warning(message, self._made_at_s(opened, now), now)
-                self._take_warnings(now)
-                return
-            case lcca.Join() if not self._misbehaviour_detector.is_id_unique(message.sender_id):
-                message = message.without_acknowledgement()
-        clear = self._epoch_ids.received(message, self._ahead_text, self._utc_s(now))
-        self._group.receive_message(clear, now)
-        self._take_group(now)
-
-    def _is_ignored_warning(
-        self, message: lcca.GroupMessage, signer: bytes | None, now: float
-    ) -> bool:
-        """Whether a message claims a braking, and its signer is not credible."""
-        if self._claims is None or signer is None or not isinstance(message, lcca.Warn):
-            return False
-        if message.cause in (lcca.WarnCause.OVER, lcca.WarnCause.TEST):
-            return False
-        return self._claims.is_ignored(message.event_origin_id.hex(), (signer,), now)
-
-    def _receive_identification(
-        self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float
-    ) -> None:
-        before = self._identification.identity
-        self._identification.receive_message(message, signer, now)
-        if self._identification.identity is not before:
-            self._show_preceding_vehicle(now)
-
-    def _made_at_s(self, opened: Opened, now: float) -> float:
-        if opened.generation_utc_s is None:
-            return now
-        return opened.generation_utc_s - self._security.utc_offset_s
 
     def _receive_bsm(self, opened: Opened, now: float) -> None:
         try:
@@ -459,10 +370,10 @@ class Stack:
             return
         sender = opened.signer_id or core.temporary_id
         reason = self._misbehaviour_detector.receive_bsm(
-            sender, message, self._made_at_s(opened, now), now
+            sender, message, self._security.made_at_s(opened, now), now
         )
-        self._pending_warnings.handle_timer(now)
-        self._take_warnings(now)
+        self._lcca.pending_warnings.handle_timer(now)
+        self._take_lcca(now)
         if reason is not None:
             self._events.append(Discarded(now, "bsm", reason, f"from {core.temporary_id.hex()}"))
             return
@@ -478,7 +389,7 @@ class Stack:
         if is_used:
             self._risk.receive_bsm(message, now)
         if core.speed_m_s is not None:
-            self._identification.receive_speed_on_air(
+            self._lcca.identification.receive_speed_on_air(
                 sender, core.temporary_id, core.speed_m_s, now
             )
 
@@ -508,12 +419,7 @@ class Stack:
         ]
 
     def _submit_lcca_messages(self, now: float) -> None:
-        messages: list[lcca.LccaMessage] = [*self._group.messages_to_send(now)]
-        messages += self._identification.messages_to_send()
-        for clear in messages:
-            message = clear
-            if not isinstance(clear, lcca.Inquiry | lcca.Answer):
-                message = self._epoch_ids.to_send(clear, self._ahead_text, self._utc_s(now))
+        for message in self._lcca.messages_to_send(now):
             size_bytes = self._link.submit(
                 lcca.encode(message),
                 self._config.lcca_psid,
@@ -533,7 +439,7 @@ class Stack:
             footer = self._mvs.footer_to_send(now) or None
         heading = self._mvs.heading(now)
         heading_rad = None if heading is None else heading.heading_rad
-        utc_s = self._utc_s(now)
+        utc_s = self._security.utc_s(now)
         message = self._transmitter.bsm(footer, now, utc_s, heading_rad)
         self._link.submit(bsm.encode(message), psid.BSM, message.user_priority, BSM_LIFETIME_S, now)
         if shared_in is not SharedIn.FOOTER:
@@ -560,7 +466,7 @@ class Stack:
             perceived_objects = self._claims.alarming(perceived_objects, now)
         self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
         self._request_braking(now)
-        self._identification.receive_offsets(
+        self._lcca.identification.receive_offsets(
             {}
             if host_vehicle is None or heading is None
             else remote_offsets_m(host_vehicle, self._surroundings[1], heading.heading_rad)
@@ -576,28 +482,6 @@ class Stack:
     def _request_braking(self, now: float) -> None:
         if self._brake_requester is not None:
             self._brake_requester.assess(self._risk.assessments, now)
-
-    def _receive_detections(
-        self, observation: VehicleDetection | DetectionList, now: float
-    ) -> None:
-        match observation:
-            case VehicleDetection():
-                self._mvs.receive_detection(observation)
-            case DetectionList():
-                self._sensor_timeouts.receive_sample(Sensor.DETECTOR, observation.stamp_s, now)
-                for detection in observation.cars:
-                    self._mvs.receive_detection(detection)
-
-    def _is_ignored(self, observation: Observation, now: float) -> bool:
-        match observation:
-            case Speed() if self._frozen_speed.is_frozen(observation):
-                self._sensor_timeouts.receive_loss(Sensor.SPEED, "frozen", now)
-                return True
-            case Plate(text=None):
-                return True  # may be anything that looks like a plate
-            case VehicleDetection():
-                return self._has_detector  # which reports the same vehicle under another track ID
-        return False
 
     def _take_access(self, now: float) -> None:
         access = self._access
@@ -616,19 +500,18 @@ class Stack:
     def _change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
         """Change all identifiers at once, so that nothing links the old ones to the new ones."""
         self._pseudonym = pseudonym
-        self._group.set_own_id(pseudonym.car_id, now)
-        self._identification.set_own_id(pseudonym.car_id, pseudonym.temporary_id, now)
+        self._lcca.change_pseudonym(pseudonym, now)
         self._transmitter.change_identity(pseudonym, now)
         self._mvs.set_own_id(pseudonym.temporary_id)
         self._use_credential(now)
-        self._show_preceding_vehicle(now)
+        self._lcca.follow_lead(now)
 
     def _use_credential(self, now: float) -> None:
         credential = self._pseudonym.credential
         if credential is None:
             return
         self._security.sign_with(credential)
-        if self._pseudonym.is_out_of_date(self._utc_s(now)):
+        if self._pseudonym.is_out_of_date(self._security.utc_s(now)):
             until_utc_s = credential.certificate.subject.valid_until_utc_s
             self._events.append(CertificateExpired(now, until_utc_s))
 
@@ -636,74 +519,14 @@ class Stack:
         while (observation := self._bus.next_event()) is not None:
             self._receive_observation(observation, now)
 
-    def _take_warnings(self, now: float) -> None:
-        while (warning := self._pending_warnings.next_warning()) is not None:
-            if self._claims is not None:
-                signer = self._misbehaviour_detector.signer_of_car(warning.sender_id)
-                self._claims.receive_warn(warning, signer)
-            self._group.receive_message(warning, now)
-            self._take_group(now)
-
-    def _take_group(self, now: float) -> None:
-        while (event := self._group.next_event()) is not None:
+    def _take_lcca(self, now: float) -> None:
+        for event in self._lcca.take_events(now):
             self._events.append(event)
             if isinstance(event, WarningRaised | WarningLevel | WarningOver):
-                if self._claims is not None and not isinstance(event, WarningOver):
-                    self._claims.receive_warning(event)
                 self._risk.receive_warning(event, now)
                 if self._brake_requester is not None:
                     self._brake_requester.receive_warning(event)
                     self._request_braking(now)
-
-    def _receive_lead(self, lead: Lead, now: float) -> None:
-        """Find out which car is ahead, and hand it to the warning group."""
-        self._lead = lead
-        if self._claims is not None:
-            self._claims.receive_lead(lead, now)
-        vehicle = TrackedVehicle.of(lead, lambda text: self._car_id(text, now))
-        self._identification.receive_lead(vehicle, now)
-        self._show_preceding_vehicle(now)
-
-    def _show_preceding_vehicle(self, now: float) -> None:
-        """Hand the lead to the warning group, under its ID if it is identified."""
-        lead = self._lead
-        if lead is None:
-            return
-        preceding = None
-        if lead.gap_m is not None:
-            identity = self._identification.identity
-            ids = CarIds(None if identity is None else identity.car_id)
-            if identity is not None and identity.text is not None:
-                ids = self._epoch_ids.of(identity.text, self._utc_s(now))
-            preceding = PrecedingVehicle(
-                ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
-            )
-        is_unknown = lead.identity is LeadIdentity.UNKNOWN
-        self._group.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
-
-    def _car_id(self, plate_text: str, now: float) -> lcca.CarId:
-        return self._digest.car_id(plate_text, self._utc_s(now))
-
-    @property
-    def _ahead_text(self) -> str | None:
-        """Plate of the preceding vehicle, if it is identified by it."""
-        identity = self._identification.identity
-        return None if identity is None else identity.text
-
-    def _utc_s(self, now: float) -> float:
-        return now + self._security.utc_offset_s
-
-
-def _adapt_access(access: AccessAdaptation, observation: Observation, now: float) -> None:
-    match observation:
-        case Speed():
-            access.receive_speed(observation)
-        case Lead():
-            access.receive_lead(observation, now)
-        case BrakePedal():
-            access.receive_brake_pedal(observation)
-        case HardBrake():
-            access.receive_hard_brake(observation)
 
 
 def _pass_nothing_on(_now: float) -> None:

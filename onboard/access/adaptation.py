@@ -21,6 +21,7 @@ from onboard.access.reaction_times import Reaction, ReactionObserver
 from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
 from onboard.core import Core
 from onboard.observations import BrakePedal, HardBrake, Lead, Speed
+from onboard.step import Observation
 
 UNSAFE_ABOVE = 0.5
 """Crash probability above which a vehicle becomes unsafe: a crash is more likely than none."""
@@ -90,6 +91,18 @@ class AccessAdaptation(Core):
         if self.driver.observed < LEAST_REACTIONS:
             return None
         return self.driver.percentile_s(0.5, REACTION_HEADWAY_S)[0]
+
+    def receive(self, observation: Observation, now: float) -> None:
+        """Take an observation of the host vehicle's sensors; most kinds change nothing."""
+        match observation:
+            case Speed():
+                self.receive_speed(observation)
+            case Lead():
+                self.receive_lead(observation, now)
+            case BrakePedal():
+                self.receive_brake_pedal(observation)
+            case HardBrake():
+                self.receive_hard_brake(observation)
 
     def receive_speed(self, speed: Speed) -> None:
         """Store the host vehicle's speed."""

@@ -14,7 +14,7 @@ from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64, to_time64
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.peer_to_peer import CertificateDistribution, decode_ca_certs
-from onboard.security.region import GeographicRegion, TwoDLocation
+from onboard.security.region import GeographicRegion, TwoDLocation, is_in
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
@@ -48,6 +48,16 @@ class Opened:
     """In all of which the signer must be: of its certificate, and of those above it."""
     location: TwoDLocation | None = None
     """Where it was generated, if its header says so."""
+
+    def is_valid_at(self, place: TwoDLocation | None) -> bool:
+        """Whether the certificate is valid where the message comes from (IEEE 1609.2, 5.2.3).
+
+        Args:
+            place: what is known of that place if the header does not say it: from the payload, or
+                where the receiver is.
+        """
+        place = self.location or place
+        return place is None or all(is_in(place, region) for region in self.regions)
 
 
 class SecurityServices:
@@ -86,6 +96,16 @@ class SecurityServices:
             self._trust = trust_store(credentials)
             self.distribution = CertificateDistribution(credentials.authorities)
             self.sign_with(credentials.pseudonyms[0])
+
+    def utc_s(self, now: float) -> float:
+        """Return UTC in seconds since 1970."""
+        return now + self.utc_offset_s
+
+    def made_at_s(self, opened: Opened, now: float) -> float:
+        """Return when a message was generated, on the monotonic clock; `now` if it does not say."""
+        if opened.generation_utc_s is None:
+            return now
+        return opened.generation_utc_s - self.utc_offset_s
 
     def sign_with(self, credential: Credential) -> None:
         """Use `credential` from now on; the next message carries its certificate."""

@@ -16,6 +16,7 @@ from onboard.security.region import (
     is_in,
     read_region,
 )
+from onboard.security.security_services import Opened
 
 MUNICH = TwoDLocation(48.1, 11.5)
 NEAR = TwoDLocation(48.1 + 900.0 / 111_195, 11.5)
@@ -72,3 +73,21 @@ def test_a_region_is_read_as_it_was_encoded(region: GeographicRegion) -> None:
 def test_a_country_is_only_read() -> None:
     with pytest.raises(ValueError, match="only read"):
         encode_region((IdentifiedRegion(840),))
+
+
+@pytest.mark.parametrize(
+    ("said", "known", "valid"),
+    [
+        (None, None, True),
+        (None, FAR, False),
+        (None, NEAR, True),
+        (NEAR, FAR, True),
+        (FAR, NEAR, False),
+    ],
+)
+def test_a_message_is_valid_in_all_regions_of_its_signer_where_its_header_says_it_was_made(
+    said: TwoDLocation | None, known: TwoDLocation | None, *, valid: bool
+) -> None:
+    regions = (CircularRegion(MUNICH, 5000), CircularRegion(MUNICH, 1000))
+
+    assert Opened(b"", b"signer 1", 0.0, regions, said).is_valid_at(known) == valid
