@@ -44,12 +44,16 @@ attack: .venv/ready
 
 # A small Debian in QEMU, installed from the box, driven and ill-treated; no KVM needed. And the
 # same in namespaces of this machine (as root), at its speed and without what needs a kernel.
-.PHONY: vm-test box-test box
+.PHONY: vm-test box-test box-ladder box
 vm-test: .venv/ready
 	$(PYTHON) -m deploy.vm
 
 box-test: .venv/ready
 	$(PYTHON) -m deploy.vm --namespaces
+
+# One scenario in virtual time, with processes, and with the box of box-test as one of its cars.
+box-ladder: .venv/ready
+	$(PYTHON) -m deploy.vm.ladder
 
 # The rig and a box without hardware: a daemon in namespaces; no root.
 .PHONY: hil-test

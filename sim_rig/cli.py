@@ -114,7 +114,8 @@ def ladder(
         list[str] | None,
         typer.Option(
             metavar="CAR=FILE",
-            help="A car that is hardware on the last rung, with the file of its wires; repeat it.",
+            help="A car that is hardware, with the file of its wires; repeat it."
+            " A car's second file is for one more rung, and so on.",
         ),
     ] = None,
 ) -> None:

@@ -22,6 +22,7 @@ from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive
 from deploy.vm.machine import HANG_TIMEOUT_S, Machine, MachineError, new_disk
 from deploy.vm.namespaces import Namespaces
 from deploy.vm.report import record, table
+from deploy.vm.share import BUILD, ROOT, SHARE, make_box, make_image
 from onboard import psid
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
@@ -29,9 +30,6 @@ from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 
-ROOT = Path(__file__).parents[2]
-BUILD = ROOT / "build" / "vm"
-SHARE = BUILD / "share"
 INSTALLED = BUILD / "installed.qcow2", BUILD / "installed.raw"
 """The disk and the small disk after install.sh; each run works on copies."""
 DRIVEN = BUILD / "driven.qcow2", BUILD / "driven.raw"
@@ -195,7 +193,7 @@ class VmTest:
         with small_disk.open("wb") as file:
             file.truncate(0)
             file.truncate(SMALL_DISK_BYTES)
-        _sh("mke2fs", "-q", "-F", "-t", "ext4", small_disk)
+        subprocess.run(["mke2fs", "-q", "-F", "-t", "ext4", small_disk], check=True)
         with self._timed("boot and install.sh"):
             # The host's clock and two cores are faster than counted instructions.
             try:
@@ -210,9 +208,9 @@ class VmTest:
 
     def _make_share(self, bus: str, changes: dict[str, object]) -> None:
         with self._timed("image (reused between runs)"):
-            _sh("sh", ROOT / "deploy" / "vm" / "image.sh", BUILD)
+            make_image()
         with self._timed("make box"):
-            _sh("sh", ROOT / "deploy" / "box.sh", SHARE / "box")
+            make_box()
             _fill_share(bus, CAR | changes)
 
     def _doctor(self, machine: Machine) -> None:
@@ -287,10 +285,6 @@ def _render(folder: Path) -> None:
         ahead = SceneCar(ahead_m=gap_m, tag_id=1, tag_side_m=TAG_M)
         image = renderer.draw(Scene(cars=(ahead,), travelled_m=3.75 * number), rng)
         cv2.imwrite(str(folder / f"{number:03}.jpg"), image)
-
-
-def _sh(*command: str | Path) -> None:
-    subprocess.run(command, check=True)
 
 
 if __name__ == "__main__":

@@ -209,8 +209,7 @@ class VmDrive:
         # Until then the trace is the previous one.
         self._run("until systemctl is-active --quiet onboard; do sleep 0.2; done")
         ready_s = self._time_of(0.0, "ready")
-        remark = "the rig starts before the daemon, on the same box"
-        yield StatusRow("power cut: ready after power-on", None, ready_s, BOOT_S, remark)
+        yield StatusRow("power cut: ready after power-on", None, ready_s, BOOT_S)
         member_s = self._time_of(ready_s, "transition", state="member")
         yield StatusRow(
             "power cut: member of the group", None, member_s - ready_s, 10.0, "after ready"

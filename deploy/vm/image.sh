@@ -10,7 +10,7 @@ stamp=$(cat "$0" "$here/agent.py" | sha256sum | cut -c1-16)
 
 as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi; }
 missing=""
-for package in mmdebstrap qemu-system-x86 e2fsprogs; do
+for package in mmdebstrap qemu-system-x86 qemu-utils e2fsprogs; do
     dpkg-query -Wf '${db:Status-Status}' "$package" 2>/dev/null | grep -q '^installed' ||
         missing="$missing $package"
 done

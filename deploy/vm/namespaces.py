@@ -69,8 +69,9 @@ class Namespaces:
         children = Path(f"/proc/{self._unshare.pid}/task/{self._unshare.pid}/children")
         give_up_at = time.monotonic() + 60.0
         while True:
-            self._init = children.read_text().strip()
-            if self._init and self._is_up():
+            self.init = children.read_text().strip()
+            """Process ID of its systemd."""
+            if self.init and self._is_up():
                 return
             if time.monotonic() > give_up_at:
                 raise MachineError("systemd does not start in namespaces; is this root?")
@@ -94,7 +95,7 @@ class Namespaces:
         began_s = time.monotonic()
         done = subprocess.run(
             [
-                *("nsenter", "--target", self._init, "--all", "--root", "--wd"),
+                *("nsenter", "--target", self.init, "--all", "--root", "--wd"),
                 *("env", "-i", f"PATH={PATH}", "/bin/bash", "-c", command),
             ],
             stdin=subprocess.DEVNULL,

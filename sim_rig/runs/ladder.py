@@ -1,6 +1,8 @@
 """One scenario on each rung: virtual time, processes in real time, and with boxes."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,14 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from onboard.errors import UserError
-from sim_rig.boxes.settings import load_boxes
+from sim_rig.boxes.settings import BoxSettings, load_boxes
 from sim_rig.reporting.verdict import Outcome
 from sim_rig.run_log.first_difference import Decision, RunComparison, compare
 from sim_rig.run_log.latency_ledger import HOPS, ledger
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.command import only_virtual, run_and_report, run_in_virtual_time
 from sim_rig.runs.live import LiveTestbench
-from sim_rig.scenario.schema import load_scenario
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 WITHIN_S = 0.5
 """Times of one decision on two rungs may differ by this: images and polls have other phases."""
@@ -28,7 +30,7 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     Args:
         scenario: its name or file.
         out: folder of the runs' folders.
-        boxes: `CAR=FILE` for each car that is a box on the last rung; the rig steps the others.
+        boxes: `CAR=FILE` for each car that is a box (`rungs_of_boxes`); the rig steps the others.
 
     Returns:
         The worst outcome of a rung.
@@ -40,15 +42,12 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     loaded = load_scenario(scenario)
     if (why := only_virtual(loaded)) is not None:
         raise UserError(f"{scenario}: has the rung of virtual time only: {why}")
-    hardware = load_boxes(boxes, loaded)
     rungs: dict[str, Callable[[Path], RunLog | LiveTestbench]] = {
         "virtual": lambda folder: run_in_virtual_time(loaded, loaded.seed, folder),
         "processes": lambda folder: LiveTestbench(loaded, loaded.seed, folder),
     }
-    if hardware:
-        rungs["box"] = lambda folder: LiveTestbench(
-            loaded, loaded.seed, folder, hardware, virtual_others=True
-        )
+    for rung, hardware in rungs_of_boxes(boxes, loaded).items():
+        rungs[rung] = partial(_with_boxes, loaded, hardware)
     console = Console(highlight=False)
     console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
     logs: dict[str, RunLog] = {}
@@ -64,6 +63,37 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
         found = compare(logs[lower], logs[higher], WITHIN_S)
         console.print(f"{lower} and {higher}: {_sentence(found)}", soft_wrap=True)
     return max(outcomes)
+
+
+def rungs_of_boxes(
+    given: Sequence[str], scenario: Scenario
+) -> dict[str, Mapping[str, BoxSettings]]:
+    """Read the files of the boxes of each rung: a car's n-th file is for the n-th rung of boxes.
+
+    Args:
+        given: `CAR=FILE` for each box.
+        scenario: the scenario whose cars they are.
+
+    Returns:
+        the settings by car, by rung: `box`, `box-2`, ...
+
+    Raises:
+        SettingsError: a file is missing or does not fit.
+    """
+    files: dict[str, list[str]] = {}
+    rungs: Counter[str] = Counter()
+    for each in given:
+        car = each.partition("=")[0]
+        rungs[car] += 1
+        rung = "box" if rungs[car] == 1 else f"box-{rungs[car]}"
+        files.setdefault(rung, []).append(each)
+    return {rung: load_boxes(boxes, scenario) for rung, boxes in files.items()}
+
+
+def _with_boxes(
+    scenario: Scenario, hardware: Mapping[str, BoxSettings], folder: Path
+) -> LiveTestbench:
+    return LiveTestbench(scenario, scenario.seed, folder, hardware, virtual_others=True)
 
 
 def _latencies(logs: dict[str, RunLog]) -> Table:
