@@ -1,6 +1,7 @@
 # `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-.PHONY: demo test drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
+PYTEST := $(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1
+.PHONY: demo test test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
 # Needs the rig only; where everything is set up for development, that serves as well.
 demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready)
@@ -10,7 +11,11 @@ demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready)
 	$(PYTHON) -m sim_rig run shared-detection
 
 test: .venv/ready system-packages lint
-	$(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1 -m "not live and not browser"
+	$(PYTEST) -m "not long and not live and not browser"
+
+# Whole drives, studies, rendered images, and searches of many examples.
+test-long: .venv/ready system-packages
+	$(PYTEST) -m "long and not live and not browser"
 
 # The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
 test-pages: .venv/ready

@@ -49,6 +49,7 @@ def bsms_among_many(gap_m: float, enabled: bool) -> tuple[int, list[dict[str, ob
     return count, events
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("gap_m", "enabled", "expected"),
     [(8.0, True, 50), (60.0, True, 17), (8.0, False, 17)],

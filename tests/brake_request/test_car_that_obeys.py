@@ -24,6 +24,7 @@ from sim_rig.scenario.schema import Scenario, load_scenario
 PLANNED = ((0.0, 16.0), (4.0, 16.0), (6.0, 10.0), (8.0, 20.0))
 
 
+@pytest.mark.long
 def test_the_scenario_s_crash_happens_without_the_requested_braking() -> None:
     scenario = load_scenario("requested-braking")
     ann = scenario.cars["ann"].model_copy(update={"obeys_request": False})

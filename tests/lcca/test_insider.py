@@ -89,6 +89,7 @@ class Attack:
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("forgery", [updates, ends])
 def test_under_forged_updates_and_ends_every_braking_is_warned_of(forgery: Forgery) -> None:
     attack = Attack(forgery)

@@ -11,6 +11,7 @@ import os
 from dataclasses import dataclass, field
 
 import networkx as nx
+import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -217,6 +218,7 @@ def assert_each_warning_reaches_its_group_only(drive: Drive) -> None:
         assert heard == ahead or road.air.loss > 0.0
 
 
+@pytest.mark.long
 @given(
     lanes=st.lists(st.sampled_from((0, 0, 0, 1, 2)), min_size=7, max_size=len(NAMES)),
     mute=st.frozensets(st.sampled_from(NAMES), max_size=1),

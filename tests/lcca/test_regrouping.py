@@ -96,6 +96,7 @@ def test_without_updates_a_new_leader_spreads_by_refreshes() -> None:
     assert all(later - earlier <= one_car_s for earlier, later in pairwise(reached))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cars", "loss"), [(40, 0.0), (16, 0.3)])
 def test_leader_sequence_numbers_reach_the_end_of_a_long_group_in_time(
     cars: int, loss: float

@@ -9,6 +9,7 @@ import os
 from dataclasses import dataclass, field
 
 import networkx as nx
+import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -123,6 +124,7 @@ def acts(draw: st.DrawFn) -> list[tuple[str, str, float]]:
     return draw(st.lists(step, min_size=4, max_size=14))
 
 
+@pytest.mark.long
 @given(
     cars=st.integers(2, len(NAMES)),
     apart=st.frozensets(st.sampled_from(NAMES[1:]), max_size=4),

@@ -30,6 +30,7 @@ slow = settings(
 )
 
 
+@pytest.mark.long
 @slow
 @given(maps)
 def test_every_map_is_that_of_another_codec_and_is_read_again(message):

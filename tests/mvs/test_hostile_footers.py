@@ -205,6 +205,7 @@ def variances_of_a_seen_car(
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("attack_every", "span_ms", "sigma_m", "sigma_m_s"),
     [(2, 100, 20.0, 1000.0), (4, 200, 20.0, 1000.0), (4, 200, 20.0, 0.8), (4, 200, 0.5, 1000.0)],
@@ -351,6 +352,7 @@ LOPSIDED = st.tuples(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=60)
 @given(st.lists(st.lists(LOPSIDED, min_size=1, max_size=3), min_size=2, max_size=8))
 def test_footers_about_a_seen_car_leave_all_states_finite_and_positive(footers: list[Any]) -> None:

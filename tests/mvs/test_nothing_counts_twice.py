@@ -46,6 +46,7 @@ def test_a_ring_that_has_lost_sight_does_not_keep_a_car_alive() -> None:
     assert all(len(message.footer) == mvs_footer.HEADER.size_bytes for message in world.sent[-4:])
 
 
+@pytest.mark.long
 @settings(max_examples=12)
 @given(
     seed=st.integers(0, 2**16),

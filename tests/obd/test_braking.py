@@ -153,6 +153,7 @@ SIGNALS = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.long
 @given(
     st.lists(
         st.tuples(st.floats(0.05, 2.0), st.floats(-3.0, 10.0), st.booleans(), SIGNALS), max_size=12

@@ -78,6 +78,7 @@ def test_samples_at_2_hz_find_hard_braking_with_the_third(deceleration):
         assert 2.8 < alarm.stamp_s < 3.4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hz", [2, 10, 20, 100])
 @pytest.mark.parametrize("deceleration", [0.0, 1.0, 2.0, 3.0])
 def test_ordinary_braking_is_not_hard_braking(hz, deceleration):

@@ -57,6 +57,7 @@ def test_drive_a_agrees_with_the_gnss_receiver(rig_data):
     assert np.sqrt(np.mean((ours - truth_m_s) ** 2)) < 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("drive", "speeds"),
     [("drive-a", 1203), ("drive-b-requests-and-answers", 273), ("drive-c", 1090)],
@@ -127,6 +128,7 @@ def test_a_broadcast_speed_is_read_by_its_name(rig_data):
     assert speeds[0].resolution_m_s == 0.001
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc"])
 def test_a_real_drive_gives_the_same_in_other_formats(rig_data, tmp_path, suffix):
     source = rig_data / "can" / "drive-a.log"

@@ -95,6 +95,7 @@ def alone(distance_m):
     return share
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("distance_m", [100.0, 300.0, 400.0, 450.0])
 def test_without_others_delivery_is_that_of_power_and_errors(distance_m):
     channel = opened(PUBLISHED, np.array([0.0, distance_m]))

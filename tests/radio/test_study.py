@@ -129,6 +129,7 @@ def test_a_run_alone_gives_what_it_gives_among_others() -> None:
     assert run_one(settings, 2) == [run_one(settings, at) for at in range(3)][2]
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 @pytest.mark.parametrize(("cars", "model", "fading"), [
     (40, "three", "none"),

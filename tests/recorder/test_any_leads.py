@@ -3,6 +3,7 @@
 import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +30,7 @@ leads = st.just(Lead(0.0, LeadIdentity.NO_LEAD)) | st.builds(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(sections=st.lists(st.tuples(leads, st.integers(1, 8)), min_size=4, max_size=8))
 def test_a_replay_equals_the_recording_whatever_the_candidates(

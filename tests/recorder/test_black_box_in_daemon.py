@@ -86,6 +86,7 @@ def start_daemon(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
         yield start
 
 
+@pytest.mark.long
 def test_a_killed_daemon_loses_at_most_the_last_second(start_daemon: Callable[..., Daemon]) -> None:
     daemon = start_daemon()
     received_at = [time.time() for _ in range(25) if daemon.receive()]

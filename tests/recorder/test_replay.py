@@ -64,6 +64,7 @@ def test_revocation_lists_are_part_of_the_initial_state(tmp_path: Path) -> None:
     assert again.crls == (b"list",)
 
 
+@pytest.mark.long
 def test_a_change_of_communication_ids_is_replayed(tmp_path: Path) -> None:
     recording = RecordedDrive([record_drive(tmp_path, duration_s=22.0)])
 
@@ -72,6 +73,7 @@ def test_a_change_of_communication_ids_is_replayed(tmp_path: Path) -> None:
     assert compare(recording).difference is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["stopped-ecu", "frozen-camera"])
 def test_the_replay_of_a_drive_with_faults_equals_the_recording(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name).model_copy(update={"duration_s": 16.0})
@@ -263,6 +265,7 @@ def test_every_section_of_a_configuration_is_either_recorded_or_excluded() -> No
     assert not OF_THE_CORES & not_recorded
 
 
+@pytest.mark.long
 def test_requests_to_brake_are_replayed_without_their_addresses(tmp_path: Path) -> None:
     run_virtual(load_scenario("requested-braking"), recordings_folder=tmp_path)
     drive = RecordedDrive([tmp_path / "ann"])
@@ -323,6 +326,7 @@ def onboard(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 def test_expect_prints_the_comparison_and_exits_with_0_or_1(drive: Path, tmp_path: Path) -> None:
     good = onboard("replay", drive, "--expect")
     changed = tampered(drive, tmp_path, b'"kind":"warning"', b'"kind":"wArning"')

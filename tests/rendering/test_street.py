@@ -24,6 +24,7 @@ def test_a_street_without_vehicles_has_none() -> None:
     assert not any(street.vehicles for street in _streets(5, kinds=()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", list(VehicleKind))
 def test_only_the_kind_that_is_asked_for_is_drawn(kind: VehicleKind) -> None:
     streets = _streets(6, kinds=(kind,))

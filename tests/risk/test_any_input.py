@@ -4,6 +4,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -88,6 +89,7 @@ acts: st.SearchStrategy[Act] = st.one_of(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=150)
 @given(st.lists(acts, min_size=20, max_size=60))
 def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> None:

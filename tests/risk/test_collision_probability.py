@@ -53,6 +53,7 @@ def brute_force(
     return overlap(s_a, s_b * np.cos(angle_rad), s_b * np.sin(angle_rad), heading).any(axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("behaviour", [UNIFORM, TRIANGULAR], ids=["uniform", "triangular"])
 @pytest.mark.parametrize("angle_deg", [90.0, 60.0, 25.0, 130.0, -75.0])
 @pytest.mark.parametrize(("a", "b"), [((25.0, 12.0), (27.0, 12.0)), ((12.0, 6.0), (20.0, 10.0))])
@@ -108,6 +109,7 @@ def colliding_share(acceleration: np.ndarray, a: Approach, b: Approach, zone: XC
     return float(np.where((start < last) & (stop > first), np.maximum(share, 0.0), 0.0).mean())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("known", [False, True], ids=["uniform", "triangular"])
 def test_the_error_at_any_angle_is_below_two_in_a_thousand(known: bool) -> None:
     """Sampled in eight places, the zone's ends were off by up to 0.023 where B hardly moved."""

@@ -120,6 +120,7 @@ def test_exact_states_give_the_exact_p_c() -> None:
     assert p_c == pytest.approx(float(exact[0]), abs=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("sigma_m", "sigma_m_s"), [(0.5, 0.3), (1.5, 0.5), (3.0, 1.0)])
 @pytest.mark.parametrize(
     ("d", "v"), [((20, 22), (12, 13)), ((12, 11), (10, 10)), ((30, 20), (14, 9))]

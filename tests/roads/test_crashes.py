@@ -28,6 +28,7 @@ def overlap(cars: Cars) -> bool:
     return kind != cv2.INTERSECT_NONE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most_turned", [0.3, 3.1])
 @pytest.mark.parametrize("seed", range(30))
 def test_the_first_touch_is_where_small_steps_find_it(seed: int, most_turned: float) -> None:

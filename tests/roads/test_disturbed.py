@@ -125,6 +125,7 @@ def busy() -> RecordedTraffic:
     return record(crossing(IntersectionSettings(), np.random.default_rng(3)), 100.0, begin_s=60.0)
 
 
+@pytest.mark.long
 def test_events_are_where_a_collision_is_possible(busy: RecordedTraffic) -> None:
     events = TrafficEvents(busy, has_lights=True)
     for kind in TrafficEventKind:
@@ -185,6 +186,7 @@ def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
         )
 
 
+@pytest.mark.long
 def test_a_shifted_car_does_not_overlap_the_car_ahead() -> None:
     """Two go east, the second 24.5 m behind; one goes north 0.5 s before the first of them."""
 

@@ -26,6 +26,7 @@ def test_the_model_keeps_its_own_equilibrium() -> None:
     assert idm_acceleration(speed, top, np.array(0.2), speed, 3.0, MODEL) == -8.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("source", ["crossing", "highway"])
 def test_no_cars_overlap_in_a_minute_of_traffic(source: str) -> None:
     traffic = open_traffic(source, np.random.default_rng(2))

@@ -20,6 +20,8 @@ from sim_rig.roads.recording import RecordedTraffic, record
 from sim_rig.roads.sources import open_traffic
 from sim_rig.roads.sumo import NETWORKS, SumoError, SumoTraffic
 
+pytestmark = pytest.mark.long
+
 NOBODY_LOOKS = ReactionSettings(unwarned_median_s=5.0, unwarned_sigma=0.0)
 
 

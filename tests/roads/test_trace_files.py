@@ -182,6 +182,7 @@ def test_the_city_trace_has_99_moving_cars(rig_data: Path) -> None:
     assert max(drive.speed_m_s.max() for drive in recording.drives) < 32.1
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_one_crossing_written_in_two_formats_is_one_crossing(rig_data: Path) -> None:
     """AIM's CSV has front bumpers, its setdest file body centres moved by (200, 200) m."""

@@ -163,6 +163,7 @@ def running() -> Iterator[Running]:
     it.ids.close()
 
 
+@pytest.mark.long
 def test_candidates_are_derived_in_a_thread_the_likeliest_first(running: Running) -> None:
     texts = [f"XY{number}" for number in range(2, 2 + MAX_NAMES)]
 

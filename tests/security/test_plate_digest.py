@@ -70,6 +70,7 @@ def test_a_derivation_is_done_once_an_epoch(monkeypatch):
     assert digest.car_id("abc 123", EPOCH_BEGIN_S + 299) == first
 
 
+@pytest.mark.long
 def test_ids_are_derived_at_the_highest_cost():
     digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=20))
     assert len(digest.car_id("ABC123", EPOCH_BEGIN_S)) == 8

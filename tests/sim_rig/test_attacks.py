@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from sim_rig.studies.attacks import AttackKind, AttacksSettings, run
 from sim_rig.studies.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
 
 
+@pytest.mark.long
 def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:
     summary = run(tmp_path, FEW, Workers())
 
@@ -18,6 +21,7 @@ def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_pat
     assert checked.endswith(",2,2,0")
 
 
+@pytest.mark.long
 def test_in_a_group_every_true_braking_is_warned_of_and_three_false_ones_at_most(
     tmp_path: Path,
 ) -> None:
@@ -32,6 +36,7 @@ def test_in_a_group_every_true_braking_is_warned_of_and_three_false_ones_at_most
     assert row.startswith("brakings of invented vehicles in the group,1,True,2,45,3,")
 
 
+@pytest.mark.long
 def test_who_takes_the_id_of_a_true_vehicle_first_does_not_hide_it(tmp_path: Path) -> None:
     same_id = AttacksSettings(
         attacks=(AttackKind.SAME_ID,), insiders=(1,), seconds=40.0, unchecked=False
@@ -40,6 +45,7 @@ def test_who_takes_the_id_of_a_true_vehicle_first_does_not_hide_it(tmp_path: Pat
     assert run(tmp_path, same_id, Workers()).endswith("0 of 2 true alarms missed")
 
 
+@pytest.mark.long
 def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
     footers = AttacksSettings(
         attacks=(AttackKind.FOOTER,), insiders=(2,), seconds=30.0, unchecked=False

@@ -26,6 +26,8 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.car_config import car_config
 from sim_rig.scenario.schema import Scenario
 
+pytestmark = pytest.mark.long
+
 FAR_M, NEAR_M, CLOSING_M_S = 36.0, 6.0, 1.5
 DURATION_S = (FAR_M - NEAR_M) / CLOSING_M_S
 STRETCHES_M = ((27.0, 36.0), (19.0, 24.0), (14.0, 19.0), (10.0, 14.0), (6.5, 10.0))

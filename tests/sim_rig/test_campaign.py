@@ -91,6 +91,7 @@ def test_settings_may_be_corrected_in_a_folder_without_runs(tmp_path: Path) -> N
         run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
 
 
+@pytest.mark.long
 def test_a_killed_worker_does_not_change_the_results(tmp_path: Path) -> None:
     settings = DiceSettings(fatal_once=str(tmp_path / "killed"))
 
@@ -147,6 +148,7 @@ def process_group(*command: str) -> Iterator[subprocess.Popen[str]]:
                 os.killpg(process.pid, signal.SIGKILL)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("processes", [1, 2])
 def test_an_interrupted_campaign_ends_at_once_and_states_the_stored_runs(
     tmp_path: Path, processes: int
@@ -169,6 +171,7 @@ def test_an_interrupted_campaign_ends_at_once_and_states_the_stored_runs(
     assert "SpawnProcess" not in output  # no worker writes anything
 
 
+@pytest.mark.long
 def test_an_interrupt_ends_a_campaign_of_many_runs_as_soon_as_one_runs(tmp_path: Path) -> None:
     code = (
         "from tests.sim_rig.test_campaign import *\n"
@@ -184,6 +187,7 @@ def test_an_interrupt_ends_a_campaign_of_many_runs_as_soon_as_one_runs(tmp_path:
     assert "SpawnProcess" not in output  # no worker writes anything
 
 
+@pytest.mark.long
 def test_workers_that_always_fail_are_an_error(tmp_path: Path) -> None:
     settings = DiceSettings(fatal_once=str(tmp_path / "killed"), always_fatal=True)
 
@@ -204,6 +208,7 @@ def cluster_of_two(folder: Path) -> Iterator[Workers]:
         yield Workers(dask=cluster.scheduler_address)
 
 
+@pytest.mark.long
 def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
     with cluster_of_two(tmp_path) as workers:
         rows = run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "a", workers)
@@ -211,6 +216,7 @@ def test_a_cluster_has_the_same_results(tmp_path: Path) -> None:
     assert rows == run_campaign(throw, DiceSettings(), NUMBERS, tmp_path / "b", Workers())
 
 
+@pytest.mark.long
 def test_a_killed_worker_of_a_cluster_does_not_change_the_results(tmp_path: Path) -> None:
     settings = DiceSettings(fatal_once=str(tmp_path / "killed"))
 

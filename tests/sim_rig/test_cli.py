@@ -91,6 +91,7 @@ def test_help_and_list_need_no_large_package(command: str) -> None:
     assert shown.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("package", "command"),
     [
@@ -120,6 +121,7 @@ def test_titles_are_those_of_the_schema() -> None:
     assert scenario_titles() == {name: load_scenario(name).title for name in scenario_names()}
 
 
+@pytest.mark.long
 def test_a_virtual_run_prints_a_report_and_writes_traces(
     terminal: Terminal, tmp_path: Path
 ) -> None:

@@ -47,6 +47,7 @@ def test_who_pulls_out_has_stood_and_who_turns_left_ends_at_a_right_angle() -> N
     assert max(each.course_rad[-1, 1] for each in turned) == pytest.approx(math.pi / 2)
 
 
+@pytest.mark.long
 def test_a_run_judges_both_drivers_and_is_the_same_every_time() -> None:
     row = run_one(FEW, 0)
 
@@ -55,6 +56,7 @@ def test_a_run_judges_both_drivers_and_is_the_same_every_time() -> None:
     assert all(each["hours"] > 0.0 for each in row["roles"].values())
 
 
+@pytest.mark.long
 def test_the_table_has_a_line_for_each_kind_and_role(tmp_path: Path) -> None:
     summary = run(tmp_path, FEW, Workers())
 

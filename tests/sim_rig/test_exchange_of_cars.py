@@ -53,6 +53,7 @@ def noticed_s(log: RunLog, car: str) -> float:
     return next(log.at_s(lead) for lead in leads if lead["track_id"] != leads[0]["track_id"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", CUT_IN_SEEDS)
 def test_behind_a_car_that_cuts_in_the_group_is_left(seed: int) -> None:
     log = run_virtual(cut_in(), seed)
@@ -63,6 +64,7 @@ def test_behind_a_car_that_cuts_in_the_group_is_left(seed: int) -> None:
     assert changed_s(log, "red", state="regular") < noticed_s(log, "red") + 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", LANE_CHANGE_SEEDS)
 def test_when_the_car_ahead_leaves_the_lane_the_one_beyond_is_followed(seed: int) -> None:
     scenario = load_scenario("lane-change").model_copy(update={"duration_s": 16.0})

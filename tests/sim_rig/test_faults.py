@@ -318,6 +318,7 @@ def case(fault: str, car: str) -> FaultCase:
     return next(each for each in CASES if (each.fault, each.car) == (fault, car))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("severity", ["0.3", "1 for 10 s"])
 def test_readings_of_another_plate_miss_no_warning_while_the_car_is_tracked(severity: str) -> None:
     misread = next(
@@ -328,6 +329,7 @@ def test_readings_of_another_plate_miss_no_warning_while_the_car_is_tracked(seve
     assert (outcome.missed, outcome.missed_after, outcome.false) == (0.0, 0.0, 0)
 
 
+@pytest.mark.long
 def test_a_silent_ecu_of_the_braking_car_is_detected_and_recovered_from() -> None:
     silent = case("ECU silent", "green")
     outcome = outcome_of(run_virtual(scenario_of(silent)), silent)

@@ -26,6 +26,7 @@ def recording(folder: Path) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_steady_following_raises_no_alarm_and_braking_does(tmp_path: Path) -> None:
     settings = FollowingSettings(
         files=(recording(tmp_path),), profiles=("radar-150",), brakings=3, gaps_m=(15.0, 18.0)
@@ -39,6 +40,7 @@ def test_steady_following_raises_no_alarm_and_braking_does(tmp_path: Path) -> No
     assert row == run_one(settings, 0)
 
 
+@pytest.mark.long
 def test_the_table_has_a_line_for_each_profile(tmp_path: Path) -> None:
     given = {
         "files": [str(recording(tmp_path))],

@@ -113,6 +113,7 @@ def test_the_last_beacon_before_unavoidable_is_the_one_before_the_first_at_100_p
     assert lbu == pytest.approx([0.6, np.nan, 0.1, np.nan, np.nan, np.nan], nan_ok=True)
 
 
+@pytest.mark.long
 def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
     tiny = JoererSettings(traffic=TrafficSettings(approaches=60, start_m=(60.0, 80.0)))
 
@@ -127,6 +128,7 @@ def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
     assert [row["paper_95"] for row in rows[:4]] == ["25.0", "48.0", "87.0", "95.0"]
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     tiny = JoererSettings(traffic=TrafficSettings(approaches=20, start_m=(60.0, 80.0)))
     for name in "ab":

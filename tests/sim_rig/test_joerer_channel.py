@@ -72,6 +72,7 @@ def test_every_beacon_is_received_without_loss(approaches: Approaches) -> None:
     assert np.all(np.diff(beacons[0.1].car) >= 0)
 
 
+@pytest.mark.long
 def test_one_row_has_the_result_that_it_has_in_the_campaign(tmp_path: Path) -> None:
     run_study("joerer-channel", tmp_path, None, Workers(), SMALL.model_dump(mode="json"))
 

@@ -26,6 +26,7 @@ def stepped_share(a: Approach, b: Approach, angle_rad: float, drawn: list[np.nda
     return float((touching & (s_a <= MERGED_M)).any(axis=1).mean())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("behaviour", [UNIFORM, TRIANGULAR], ids=["uniform", "triangular"])
 @pytest.mark.parametrize("angle_deg", [10.0, 40.0, -70.0])
 @pytest.mark.parametrize(

@@ -85,6 +85,7 @@ def test_through_the_recommended_lens_most_cars_know_the_one_ahead() -> None:
     assert sum(row["warned"] for row in rows) >= 0.6 * sum(row["followers"] for row in rows)
 
 
+@pytest.mark.long
 def test_a_longer_lens_knows_more_cars() -> None:
     known = {
         sight: sum(run_one(with_sight(sight), number)["known"] for number in range(4))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from sim_rig.studies.campaign import Workers
 from sim_rig.studies.linker import (
@@ -29,6 +30,7 @@ def test_a_phase_is_the_same_after_any_number_of_intervals() -> None:
     assert count_linked(phase_cost(sent_s, sent_s + 0.702)) == 3
 
 
+@pytest.mark.long
 def test_silence_makes_linking_harder_and_a_phase_drawn_anew_tells_nothing(tmp_path: Path) -> None:
     settings = LinkerSettings(scene=SceneName.OWN_CROSSING, changes=3, silences_s=(0.0, 10.0))
     run(tmp_path, settings, Workers())

@@ -57,6 +57,7 @@ def test_real_daemons_meet_the_expectations_of_all_other_scenarios(
     assert failures(scenario, run_live(scenario, tmp_path)) == []
 
 
+@pytest.mark.long
 def test_the_configuration_of_a_daemon_has_nothing_of_other_cars(tmp_path: Path) -> None:
     """Not their plates, not where they are, nor what is expected."""
     scenario = load_scenario("fig4")

@@ -17,6 +17,7 @@ def test_free_cars_deviate_as_white_acceleration_noise_predicts() -> None:
     assert deviation.var(axis=0) == pytest.approx(variances, rel=0.2)
 
 
+@pytest.mark.long
 def test_covariances_are_consistent_if_cars_move_as_the_filters_model() -> None:
     found = accuracy(MODELLED, 0.15, 0.0, seed=1, seconds=0.5, road=FreeCars).errors
 

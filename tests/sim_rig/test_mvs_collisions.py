@@ -46,6 +46,7 @@ def test_crashes_are_compared_seed_by_seed() -> None:
     assert changed([*brakes, *lights], [*brakes, *lights]) == (0, 0)
 
 
+@pytest.mark.long
 def test_every_case_has_the_same_event_for_one_seed() -> None:
     """A run without radios does not depend on the other cases of the campaign."""
     of_a_seed = cases(SMALL)
@@ -96,6 +97,7 @@ def platoon_of(*names: str) -> Cars:
     return Cars(2.0, names, middle, *np.zeros((3, n)), *np.full((2, n), 2.0))
 
 
+@pytest.mark.long
 def test_events_that_radios_cannot_change_count_as_without_radios() -> None:
     """Neither car of the crash has a radio, so a skipped run has the result of a run."""
     settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,), "seed": 4})
@@ -109,6 +111,7 @@ def test_events_that_radios_cannot_change_count_as_without_radios() -> None:
     assert [row["outcome"] for row in rows[:2]] == [row["outcome"] for row in rows[2:]]
 
 
+@pytest.mark.long
 def test_each_way_in_which_the_two_cars_have_radios_counts_with_its_probability() -> None:
     """The red light of this seed ends in a crash without radios, the braking does not."""
     settings = SMALL.model_copy(update={"methods": (Method.DSRC,), "seed": 4})
@@ -121,6 +124,7 @@ def test_each_way_in_which_the_two_cars_have_radios_counts_with_its_probability(
     assert ["driven_s" in row for row in [*crash, *none]] == [True] * 5 + [False] * 3
 
 
+@pytest.mark.long
 def test_figure_9_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(
@@ -144,6 +148,7 @@ def test_figure_9_is_written(tmp_path: Path) -> None:
     assert summary
 
 
+@pytest.mark.long
 def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
     """One second after sudden braking no car has reached the braking car."""
     settings = SMALL.model_copy(
@@ -160,6 +165,7 @@ def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
     assert figure9(tmp_path, settings) == "no event ends in a crash without radios (1 events)"
 
 
+@pytest.mark.long
 def test_figure_3_is_written(tmp_path: Path) -> None:
     encounter = {"scenes": ["own-crossing"], "warm_s": 0.5, "watched_s": 0.5, "near_m": 40.0}
 
@@ -176,6 +182,7 @@ def test_figure_3_is_written(tmp_path: Path) -> None:
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
     """Both cars have a radio; then the red-light runner has none, and no alarm is possible."""
     scene = Encounters(
@@ -230,6 +237,7 @@ def test_traffic_may_be_a_users_file(tmp_path: Path) -> None:
     assert all(row["messages"] for row in rows_of[1:])
 
 
+@pytest.mark.long
 def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

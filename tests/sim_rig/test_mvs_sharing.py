@@ -42,6 +42,7 @@ def test_random_selection_ends_as_soon_as_every_measurement_is_used() -> None:
     assert sizes == {1, 2, 3}
 
 
+@pytest.mark.long
 def test_figure_8_is_written_with_its_settings(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(

@@ -201,6 +201,7 @@ def test_access_probabilities_must_contain_the_papers() -> None:
         parse_settings({"access": [0.01, 0.1]}, ReadingsSettings, "readings")
 
 
+@pytest.mark.long
 def test_an_interrupted_search_resumes(tmp_path: Path) -> None:
     run(tmp_path / "once", FEW)
     run(tmp_path / "twice", FEW.model_copy(update={"runs": 2}))

@@ -75,6 +75,7 @@ def test_a_warning_of_one_vehicle_does_not_end_that_of_another() -> None:
     assert (at[1.1], at[1.2], at[2.9]) == (2, 1, 1)
 
 
+@pytest.mark.long
 def test_perceived_vehicles_and_the_one_of_the_alarm_are_found_in_the_truth(tmp_path: Path) -> None:
     log = run_virtual(load_scenario("shared-detection"))
     log.write(tmp_path / "run")

@@ -17,6 +17,8 @@ from sim_rig.studies.mvs_encounter import EncounterSettings, Method
 from sim_rig.studies.mvs_scenes import SceneName
 from sim_rig.studies.show import show_run
 
+pytestmark = pytest.mark.long
+
 SETTINGS = CollisionSettings(
     seed=4,
     runs=1,

@@ -12,14 +12,24 @@ from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.scenario.schema import Scenario, load_scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
+SHORT = {"ar-tags", "bridge", "collision", "fig4", "late-join", "left-turn", "shared-detection"}
+"""Scenarios of the gate, one of each kind; the others are long tests."""
 
-@pytest.mark.parametrize("name", scenario_names())
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in SHORT else pytest.mark.long)
+        for name in scenario_names()
+    ],
+)
 def test_everything_comes_as_the_scenario_expects(name: str) -> None:
     scenario = load_scenario(name)
 
     assert failures(scenario, run_virtual(scenario)) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [
@@ -50,10 +60,12 @@ def lossy() -> Scenario:
     return load_scenario("packet-loss").model_copy(update={"duration_s": 12.0})
 
 
+@pytest.mark.long
 def test_one_seed_gives_the_same_traces_to_the_byte(lossy: Scenario) -> None:
     assert traces(run_virtual(lossy, 5)) == traces(run_virtual(lossy, 5))
 
 
+@pytest.mark.long
 def test_another_seed_gives_other_noise_and_other_losses(lossy: Scenario) -> None:
     one, other = traces(run_virtual(lossy, 5)), traces(run_virtual(lossy, 6))
 

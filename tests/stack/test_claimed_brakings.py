@@ -1,5 +1,7 @@
 """Warnings in a group by one insider, and by a vehicle that really brakes, many times."""
 
+import pytest
+
 from onboard import psid
 from onboard.messages import lcca
 from onboard.observations import HardBrake
@@ -68,6 +70,7 @@ def test_one_insider_raises_three_warnings_at_most() -> None:
     assert len(list(driven.events_of("BBB2", "warning"))) == MOST_ALARMS + 1
 
 
+@pytest.mark.long
 def test_every_true_braking_of_one_vehicle_is_warned_of() -> None:
     driven = platoon()
     for _ in range(5):

@@ -33,6 +33,7 @@ def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> No
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -64,6 +65,7 @@ def test_a_mistake_in_the_configuration_is_one_line(
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("dbc", "message"),
     [
@@ -89,6 +91,7 @@ def test_a_mistake_in_the_dbc_file_is_one_line(
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "section",
     [

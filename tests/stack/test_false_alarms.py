@@ -23,6 +23,7 @@ def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) 
     return host
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("attack", INVENTIONS)
 def test_one_insider_raises_three_false_alarms_at_most(attack: AttackKind) -> None:
     host = attacked(attack)
@@ -31,16 +32,19 @@ def test_one_insider_raises_three_false_alarms_at_most(attack: AttackKind) -> No
     assert len(host.ignored()) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("attack", INVENTIONS)
 def test_without_checks_these_attacks_raise_more(attack: AttackKind) -> None:
     host = attacked(attack, checks=False)
     assert len(host.raised()) > MOST_ALARMS or host.alarmed_s() > 0.9 * ATTACK_S
 
 
+@pytest.mark.long
 def test_a_host_without_a_sensor_that_looks_ahead_has_the_same_bound() -> None:
     assert len(attacked(AttackKind.BSM, detector=False).raised()) == MOST_ALARMS
 
 
+@pytest.mark.long
 def test_a_true_vehicle_alarms_while_an_insider_is_ignored() -> None:
     host = attacked(AttackKind.BSM)
     assert host.ignored()
@@ -56,6 +60,7 @@ def test_a_true_vehicle_alarms_while_an_insider_is_ignored() -> None:
     assert alarm.vehicle == b"true".hex()
 
 
+@pytest.mark.long
 def test_a_vehicle_that_the_detector_sees_alarms_every_time() -> None:
     """The same certificate each time: what own sensors confirm is not charged."""
     host, honest = AttackedHost(ALICE, UTC_S), Signer(DAVE, UTC_S)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from onboard import psid
 from onboard.kinematics.local_frame import LocalFrame
@@ -51,9 +52,11 @@ def crossings_that_alarm(sender: str, crossings: int) -> int:
     return len(host.raised())
 
 
+@pytest.mark.long
 def test_a_road_side_unit_is_believed_more_often_than_a_vehicle() -> None:
     assert crossings_that_alarm("unit", CROSSINGS) == CROSSINGS
 
 
+@pytest.mark.long
 def test_a_vehicle_that_says_it_is_a_road_side_unit_is_not() -> None:
     assert crossings_that_alarm("vehicle", CROSSINGS) == MOST_ALARMS

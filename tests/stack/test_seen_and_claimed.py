@@ -106,6 +106,7 @@ def sometimes_elsewhere(core: CoreData, k: int) -> CoreData:
     return replace(core, longitude_deg=core.longitude_deg + 15.0 / 74_000)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("claim", [higher, standing, vague, sometimes_elsewhere])
 def test_a_bsm_at_the_place_of_a_vehicle_that_is_seen_does_not_hide_it(claim: Claim) -> None:
     assert first_warning_s(claim) <= first_warning_s(lambda _core, _k: None) + 0.35

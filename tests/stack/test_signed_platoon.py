@@ -174,6 +174,7 @@ def brake_and_slow_down(platoon: Platoon, plate: str) -> None:
     platoon.settle()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("speed_m_s", [15.0, 30.0])
 @pytest.mark.parametrize("latest_fix_s", [0.0, 0.3, 0.6, 0.9])
 def test_a_warning_is_accepted_at_once_from_a_vehicle_with_one_fix_per_second(

@@ -27,6 +27,7 @@ def brake(platoon: Platoon, plate: str) -> None:
     platoon.drive(0.3)
 
 
+@pytest.mark.long
 def test_in_a_chain_of_24_with_clocks_a_second_apart_all_are_warned() -> None:
     """The age of a warning is what each vehicle held it: 23 hops add 23 times a millisecond."""
     platoon = signed_row([float(i % 2) for i in range(CARS)], UTC_S)
@@ -42,6 +43,7 @@ def test_in_a_chain_of_24_with_clocks_a_second_apart_all_are_warned() -> None:
         assert warning.age_s == pytest.approx(warning.stamp_s - braked_at + 0.001 * i, abs=0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("until_change_s", [0.6, 0.0, -0.9])
 def test_while_ids_change_by_clocks_two_seconds_apart_all_are_warned_at_once(
     until_change_s: float,

@@ -118,6 +118,7 @@ def upright(art: np.ndarray, bottom_m: float, ahead_m: float = 2.0) -> np.ndarra
     return photograph(art, rotation, rotation @ corner)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("art", "board"), [(chessboard_art(), CHESSBOARD), (charuco_art(), CHARUCO)]
 )
@@ -252,6 +253,7 @@ def run(*arguments: str | Path) -> None:
         raise result.exception
 
 
+@pytest.mark.long
 def test_the_command_writes_a_valid_calibration(tmp_path: Path) -> None:
     (tmp_path / "board").mkdir()
     for index, picture in enumerate(at_different_tilts(chessboard_art())):

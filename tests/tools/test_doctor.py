@@ -367,6 +367,7 @@ def onboard_doctor(config: Path, *options: str) -> subprocess.CompletedProcess[s
     )
 
 
+@pytest.mark.long
 def test_the_command_fails_if_something_is_missing_and_gives_advice(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
     tree = {"car": {"plate": "A1"}, "gnss": {"port": free_port()}, "obd": {}}

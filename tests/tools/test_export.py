@@ -54,6 +54,7 @@ def test_wireshark_reads_every_exported_wsm_without_error(
     assert all("wsmp" in line and "alformed" not in line for line in lines)
 
 
+@pytest.mark.long
 def test_the_export_command_writes_both_files(drive: RecordedDrive, tmp_path: Path) -> None:
     pcap, log = tmp_path / "radio.pcap", tmp_path / "bus.log"
     command = [sys.executable, "-m", "onboard", "export", *map(str, drive.files)]

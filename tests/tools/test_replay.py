@@ -15,6 +15,7 @@ from onboard.tools.replay import RawRecording, replay
 from onboard.units import KM_H
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_every_obd_speed_of_a_real_drive_has_its_time_stamp(rig_data: Path) -> None:
     with (rig_data / "can" / "drive-a-obd-speed-kmh.csv").open() as file:
@@ -37,6 +38,7 @@ def test_a_bus_without_obd_is_reported_as_a_lost_speed_sensor(rig_data: Path) ->
     assert events[0].silent_s is None, "no speed was ever received"
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 @pytest.mark.parametrize("clip", ["motorway-720p.mp4", "empty-lane-540p.mp4"])
 def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip: str) -> None:
@@ -48,6 +50,7 @@ def test_dashcam_clips_without_legible_plates_give_no_plate(rig_data: Path, clip
     assert [event for event in events if event.kind == "plate"] == []
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_can_frames_and_positions_are_merged_in_order_of_time(rig_data: Path) -> None:
     recording = RawRecording(

@@ -44,6 +44,7 @@ def picture(car: SceneCar) -> Image:
     return CameraRenderer(CAMERA).draw(Scene((car,)), np.random.default_rng(1))
 
 
+@pytest.mark.long
 def test_plates_are_found_in_less_of_a_large_image_and_placed_in_all_of_it() -> None:
     image, finder = picture(SceneCar(14.0, plate="GN417KB")), WatchedFinder()
     plates = PlateRecognizer(finder, PlateReader(), PlateSyntax(()), PERSPECTIVE, PlateFormats())
@@ -56,6 +57,7 @@ def test_plates_are_found_in_less_of_a_large_image_and_placed_in_all_of_it() -> 
     assert fast.position.ahead_m == pytest.approx(slow.position.ahead_m, rel=0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gap_m", [6.0, 14.0, 30.0])
 def test_tags_are_located_as_well_in_a_large_image(gap_m: float) -> None:
     image = picture(SceneCar(gap_m, plate=None, tag_id=3, tag_side_m=TAG_SIDE_M))

@@ -117,6 +117,7 @@ VEHICLES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("overlay", "vehicle"),
     [
@@ -141,6 +142,7 @@ def test_a_vehicle_behind_it_is_the_lead_or_unknown(overlay: Overlay, vehicle: s
             assert abs(lead.gap_m - GAP_M) < max(3 * lead.gap_sigma_m, 0.1 * GAP_M), lead
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("overlay", [wiper, glare, rolling_shutter, rain])
 def test_over_an_empty_road_it_is_no_lead(overlay: Overlay) -> None:
     assert {lead.gap_m for lead in leads(None, overlay)} == {None}

@@ -107,6 +107,7 @@ def half_as_large(image: Image) -> Image:
     return np.asarray(cv2.resize(image, (320, 180), interpolation=cv2.INTER_AREA), np.uint8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [torn, darker, overexposed, half_as_large])
 def test_odd_frames_do_not_change_the_leads_identity(drive: Drive, how: Change) -> None:
     observed = observe_images(spoilt(drive, how))
@@ -180,6 +181,7 @@ def test_a_frozen_camera_is_lost_and_the_lead_is_identified_again_afterwards(dri
     assert_identity_kept(observed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
 def test_after_a_long_outage_the_lead_is_not_identified(drive: Drive, how: str) -> None:
     """Another vehicle with an illegible plate is where the identified one was a minute before."""
@@ -250,6 +252,7 @@ def test_a_plate_in_the_next_lane_is_no_lead_when_the_hosts_lane_is_empty() -> N
     assert {lead.identity for lead in observed.leads} == {LeadIdentity.NO_LEAD}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("light", [Light.DAY, Light.OVERCAST, Light.FOG])
 def test_a_camera_upside_down_is_named_and_shows_no_free_lane(light: Light) -> None:
     """It is never a free lane, and after a while each frame is discarded with the reason."""

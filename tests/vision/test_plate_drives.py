@@ -34,6 +34,7 @@ def drive(*cars: SceneCar, light: Light = Light.DAY, duration_s: float = 1.5) ->
     return observe(perception(), frames(scene, duration_s, camera=CAMERA))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("light", Light)
 def test_the_lead_is_identified_within_a_second_in_any_light(light: Light) -> None:
     observed = drive(SceneCar(10.0, 0.2, plate=OURS), light=light)
@@ -188,6 +189,7 @@ def test_patterns_of_a_country_exclude_other_texts() -> None:
     assert observed.leads[-1].identity is LeadIdentity.UNKNOWN
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 @pytest.mark.parametrize(("clip", "every"), [("motorway-720p", 3), ("empty-lane-540p", 10)])
 def test_real_clips_without_a_legible_plate_have_none(

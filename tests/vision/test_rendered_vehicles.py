@@ -50,6 +50,7 @@ def _is_plain(vehicle: SeenVehicle) -> bool:
     return is_inside and vehicle.visible > 0.85 and 32 <= right - left <= 300
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", list(VehicleKind))
 def test_vehicles_of_each_kind_are_found(kind: VehicleKind) -> None:
     rng = np.random.default_rng(5)

@@ -251,6 +251,7 @@ def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type, frame):
     assert message.removesuffix(bytes(4)) == WSM
 
 
+@pytest.mark.long
 @needs_tshark
 @pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
 def test_tshark_finds_the_wsm_in_the_same_802_11_frame(tmp_path, link_type, frame):
