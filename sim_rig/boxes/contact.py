@@ -77,6 +77,18 @@ class Contact:
                 "gpsd of the box reads the wire `satellites`, and `gnss` of the box that gpsd",
             )
 
+    def missing(self, car: str, box: BoxSettings, scenario: Scenario) -> list[Finding]:
+        """Return the findings that a run waits for; for arguments, see `findings`.
+
+        A box without a recording may be of another vendor, with a radio and nothing else.
+        """
+        return [
+            each
+            for each in self.findings(car, box, scenario)
+            if each.level is FindingLevel.MISSING
+            and (box.recording is not None or each.subject == "radio")
+        ]
+
     def _bus(self, box: BoxSettings) -> Finding:
         has_speed = self.core is None or self.core.speed_m_s is not None
         missing = "its BSMs have no speed" if not has_speed else ""

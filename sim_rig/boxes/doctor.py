@@ -60,10 +60,11 @@ def car_ahead(car: str) -> str:
 def findings_of_drive(car: str, log: RunLog) -> Iterator[Finding]:
     """Yield what the drive shows of the box, from its recording and from the car ahead."""
     yield from _clock(car, log)
+    yield from _differences(car, log)
     yield from _refused(log, car_ahead(car), "the car ahead refuses of the box")
     yield from _refused(log, car, "the box refuses of the car ahead")
     yield from _lost(log, car)
-    if car not in log.unjudged:
+    if car not in log.unjudged and car not in log.by_messages:
         yield _group(log, car)
     for line in log.lateness:
         if line.is_too_late:
@@ -72,7 +73,7 @@ def findings_of_drive(car: str, log: RunLog) -> Iterator[Finding]:
 
 
 def _clock(car: str, log: RunLog) -> Iterator[Finding]:
-    if (clock := log.clocks.get(car)) is not None:
+    for clock in log.clocks.get(car, ()):
         detail = (
             f"rig - box {clock.offset_s:.4f} s +- {clock.uncertainty_s * 1e3:.1f} ms,"
             f" {clock.frames_from_box} frames from the box, {clock.frames_to_box} to it"
@@ -80,9 +81,17 @@ def _clock(car: str, log: RunLog) -> Iterator[Finding]:
         yield Finding("clock", FindingLevel.GOOD, detail)
     if car in log.unjudged:
         yield Finding("recording", FindingLevel.MISSING, log.unjudged[car], _RECORDING)
+    elif car in log.by_messages:
+        detail = "none: only the messages of the box are judged"
+        yield Finding("recording", FindingLevel.NOT_CONFIGURED, detail)
     else:
         detail = f"{len(log.traces[car])} records of this drive"
         yield Finding("recording", FindingLevel.GOOD, detail)
+
+
+def _differences(car: str, log: RunLog) -> Iterator[Finding]:
+    for note in log.notes.get(car, ()):
+        yield Finding("configuration", FindingLevel.DOUBTFUL, note)
 
 
 def _refused(log: RunLog, receiver: str, what: str) -> Iterator[Finding]:

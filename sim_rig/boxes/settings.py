@@ -4,15 +4,27 @@ import socket
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from onboard.settings import SettingsError, load_settings
+from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.faults import SlowCpu, WrongClock
 from sim_rig.scenario.field_types import PlateText
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.wire_settings import WireSettings
+
+Command = Annotated[tuple[str, ...], Field(min_length=1)]
+"""Program and arguments, run without a shell."""
+
+
+class PowerSettings(Settings):
+    """Commands that switch the power of the box, as of a relay. Each is done when it returns."""
+
+    cut: Command
+    """Takes the power from the box's computer: `[usbrelay, R_1=1]`."""
+    restore: Command
+    """Gives it back. The box starts its daemon by itself, as by systemd."""
 
 
 class BoxSettings(WireSettings):
@@ -23,13 +35,29 @@ class BoxSettings(WireSettings):
     keys: Path
     """Folder of the trial's keys (docs/in-the-car.md). The rig's cars get certificates of
     `issuing` in it. A folder that does not exist is made, with the keys of the box in `CAR`."""
-    recording: Path
-    """Folder of the box's black box as this computer sees it after the run."""
-    fetch: tuple[str, ...] | None = Field(None, min_length=1)
-    """Command that copies the black box to `recording`, in a folder that exists then, run without a
-    shell when the scenario has ended: `[scp, -pr, "root@BOX:/var/lib/onboard/drive", out/red]`."""
+    recording: Path | None = None
+    """Folder of the box's black box as this computer sees it after the run. Without one, as for a
+    box of another vendor, only its messages are judged."""
+    fetch: Command | None = None
+    """Copies the black box to `recording`, in a folder that exists then, when the scenario has
+    ended: `[scp, -pr, "root@BOX:/var/lib/onboard/drive", out/red]`."""
+    start: Command | None = None
+    """Starts the daemon when the rig's ends of the wires are open, and may run as long as it:
+    `[ssh, -tt, BOX, onboard, run, car.yaml]`. If it still runs at the end, it gets SIGTERM."""
+    stop: Command | None = None
+    """Ends what `start` has left behind, before `fetch`."""
+    power: PowerSettings | None = None
+    """Required in a scenario with `power_cut` of this car."""
     ready_within_s: float = Field(60.0, gt=0.0, le=600.0)
-    """Time for the box to use all wires."""
+    """Time for the box to use all wires; without `recording`, to send BSMs."""
+
+    @model_validator(mode="after")
+    def _has_what_commands_need(self) -> Self:
+        if self.fetch is not None and self.recording is None:
+            raise ValueError("fetch needs recording, which it fills")
+        if self.stop is not None and self.start is None:
+            raise ValueError("stop needs start, which it ends")
+        return self
 
 
 class Address(NamedTuple):
@@ -99,6 +127,8 @@ def _mistakes(boxes: Mapping[str, BoxSettings], scenario: Scenario) -> Iterator[
             yield f"{car}: detector: is required, since the scenario has one"
         if scenario.cars[car].obeys_request and box.controller is None:
             yield f"{car}: controller: is required, since {car} obeys_request"
+        if any(fault.car == car for fault in scenario.power_cuts()) and box.power is None:
+            yield f"{car}: power: is required, since the scenario has a power_cut of {car}"
         serial = None if box.satellites is None else box.satellites.serial
         if serial is not None and not serial.exists():
             yield f"{car}: satellites.serial: there is no {serial}"

@@ -45,6 +45,7 @@ class TraceReader:
     def records(self) -> list[Record]:
         """Return the new records; an incomplete last line is left for the next call."""
         if not self._path.exists():
+            self._read = 0  # a daemon that is started anew begins a new one
             return []
         with self._path.open("rb") as trace:
             trace.seek(self._read)

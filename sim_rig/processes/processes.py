@@ -1,13 +1,17 @@
 """Starts, watches and stops the child processes of a live run."""
 
 import asyncio
+import contextlib
 import os
+import signal
 import sys
 import time
 from pathlib import Path
 
 from onboard.errors import UserError
 
+_LOOK_INTERVAL_S = 1.0
+"""A process that is started while others are watched is watched after this time."""
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 """Environment variables with the number of threads of BLAS and OpenCV."""
 
@@ -52,7 +56,7 @@ class Processes:
             with_pipes: whether its standard input and output are pipes.
         """
         pipe = asyncio.subprocess.PIPE if with_pipes else asyncio.subprocess.DEVNULL
-        with self._log(name).open("wb") as log:
+        with self._log(name).open("ab" if name in self._running else "wb") as log:
             process = await asyncio.create_subprocess_exec(
                 *command,
                 stdin=pipe,
@@ -65,6 +69,17 @@ class Processes:
         self._ends[name] = asyncio.create_task(process.wait())
         return process
 
+    async def kill(self, name: str) -> None:
+        """End a process at once, as a power cut does; it may be started again."""
+        end = self._ends.pop(name)
+        self.send_signal(name, signal.SIGKILL)
+        await end
+
+    def send_signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to a process, if it has not ended."""
+        with contextlib.suppress(ProcessLookupError):
+            self._running[name].send_signal(number)
+
     def pid(self, name: str) -> int:
         """Process ID of a process."""
         return self._running[name].pid
@@ -75,13 +90,16 @@ class Processes:
         Raises:
             ProcessError: a process has ended; the message has the last line of its log.
         """
-        timeout_s = max(0.0, at - time.monotonic())
-        await asyncio.wait(
-            self._ends.values(), timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED
-        )
-        for name, end in self._ends.items():
-            if end.done():
-                raise ProcessError(f"{name} ended unexpectedly: {self.last_log_line(name)}")
+        while True:
+            timeout_s = min(max(0.0, at - time.monotonic()), _LOOK_INTERVAL_S)
+            await asyncio.wait(
+                self._ends.values(), timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED
+            )
+            for name, end in self._ends.items():
+                if end.done():
+                    raise ProcessError(f"{name} ended unexpectedly: {self.last_log_line(name)}")
+            if time.monotonic() >= at:
+                return
 
     def last_log_line(self, name: str) -> str:
         """The last line of the log of a process."""

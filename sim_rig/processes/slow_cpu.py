@@ -1,8 +1,6 @@
 """Stops and continues daemons periodically, as a busy processor would."""
 
 import asyncio
-import contextlib
-import os
 import signal
 import time
 from collections.abc import Container
@@ -26,22 +24,17 @@ async def slow_down(
     faults = [
         fault for fault in scenario.faults if isinstance(fault, SlowCpu) and fault.car in daemons
     ]
-    await asyncio.gather(*(_slow_one(fault, start_s, processes.pid(fault.car)) for fault in faults))
+    await asyncio.gather(*(_slow_one(fault, start_s, processes) for fault in faults))
 
 
-async def _slow_one(fault: SlowCpu, start_s: float, pid: int) -> None:
+async def _slow_one(fault: SlowCpu, start_s: float, processes: Processes) -> None:
     await asyncio.sleep(start_s + fault.from_s - time.monotonic())
     asleep_s = (1.0 - fault.share) * fault.period_s
     try:
         while time.monotonic() < start_s + fault.until_s:
             await asyncio.sleep(fault.share * fault.period_s)
-            _send(pid, signal.SIGSTOP)
+            processes.send_signal(fault.car, signal.SIGSTOP)
             await asyncio.sleep(asleep_s)
-            _send(pid, signal.SIGCONT)
+            processes.send_signal(fault.car, signal.SIGCONT)
     finally:
-        _send(pid, signal.SIGCONT)
-
-
-def _send(pid: int, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):  # `Processes` reports an ended process
-        os.kill(pid, number)
+        processes.send_signal(fault.car, signal.SIGCONT)

@@ -39,6 +39,9 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
     for table in (_discards(log), _ledger(log), _clocks(log), _lateness(log)):
         if table.row_count:
             console.print(table)
+    for car, notes in log.notes.items():
+        for note in notes:
+            console.print(f"[dim]{car}: {note}[/dim]", soft_wrap=True)
 
 
 def print_verdict(judged: Verdict, count: int, console: Console) -> None:
@@ -48,8 +51,12 @@ def print_verdict(judged: Verdict, count: int, console: Console) -> None:
         console.print(f"{failed} {sentence}", soft_wrap=True)
     for sentence in judged.invalid:
         console.print(f"[yellow]INVALID[/yellow] {sentence}", soft_wrap=True)
+    for sentence in judged.not_judged:
+        console.print(f"[dim]not judged[/dim] {sentence}", soft_wrap=True)
     if judged.outcome is Outcome.PASSED:
-        console.print(f"[green]PASSED[/green] all {count} expectations")
+        judged_ones = count - len(judged.not_judged)
+        what = f"{judged_ones} of" if judged.not_judged else "all"
+        console.print(f"[green]PASSED[/green] {what} {count} expectations")
 
 
 def _timeline(scenario: Scenario, log: RunLog) -> Table:
@@ -197,7 +204,8 @@ def _clocks(log: RunLog) -> Table:
         ("to it", "right"),
     ):  # fmt: skip
         table.add_column(column, justify=justify)  # type: ignore[arg-type]
-    for car, clock in log.clocks.items():
+    of_cars = ((car, clock) for car, clocks in log.clocks.items() for clock in clocks)
+    for car, clock in of_cars:
         table.add_row(
             car,
             f"{clock.offset_s:.6f}",

@@ -27,6 +27,8 @@ class Verdict:
     invalid: tuple[str, ...]
     """One for each reason why a box, or an expectation, could not be judged."""
     rig_was_late: bool
+    not_judged: tuple[str, ...] = ()
+    """One for each expectation that a box without a recording cannot be judged by."""
 
     @property
     def outcome(self) -> Outcome:
@@ -51,8 +53,14 @@ def verdict(scenario: Scenario, log: RunLog) -> Verdict:
         f" {each.limit_s * 1e3:.0f} ms, {each.misses} of {each.n} missed"
         for each in late
     ]
-    for entry in scenario.expect:
-        if log.unjudged.keys() & set(entry.cars_traced()):
+    not_judged: list[str] = []
+    for number, entry in enumerate(scenario.expect):
+        judged = set(entry.cars_judged())
+        if log.unjudged.keys() & judged:
+            continue
+        if (silent := log.by_messages & judged) and not entry.needs_messages_only:
+            silent_cars = ", ".join(sorted(silent))
+            not_judged.append(f"expect.{number} ({entry.what}): {silent_cars} has no recording")
             continue
         results = [list(entry.check(possible)) for possible in _possible(log, entry)]
         if all(bool(found) == bool(results[0]) for found in results):
@@ -60,20 +68,23 @@ def verdict(scenario: Scenario, log: RunLog) -> Verdict:
         else:
             sentence = next(found[0] for found in results if found)
             invalid.append(f"the clock is not known well enough to say whether {sentence}")
-    return Verdict(tuple(failures), tuple(invalid), bool(late))
+    if not_judged and len(not_judged) == len(scenario.expect):
+        invalid.append("no expectation can be judged by the messages of a box")
+    return Verdict(tuple(failures), tuple(invalid), bool(late), tuple(not_judged))
 
 
 def _possible(log: RunLog, entry: Expected) -> Iterator[RunLog]:
     """Yield the log, and as it would be with clocks at the ends of their uncertainties."""
     yield log
-    cars = [car for car in log.clocks if car in set(entry.cars_traced())]
+    cars = [car for car in log.clocks if car in set(entry.cars_judged())]
     for signs in product((-1.0, 1.0), repeat=len(cars)):
         moved = log
         for car, sign in zip(cars, signs, strict=True):
-            moved = moved.shifted(car, sign * log.clocks[car].uncertainty_s)
+            uncertainty_s = max(clock.uncertainty_s for clock in log.clocks[car])
+            moved = moved.shifted(car, sign * uncertainty_s)
         if cars:
             yield moved
 
 
 def _has_boxes(log: RunLog) -> bool:
-    return bool(log.clocks or log.unjudged)
+    return bool(log.clocks or log.unjudged or log.by_messages)

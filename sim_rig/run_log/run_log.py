@@ -25,10 +25,14 @@ class RunLog:
     """Records of the rig: `ecu_answer`, `on_air`, `delivered`, `car_state`."""
     names: Mapping[str, str]
     """Car of each communication ID (hex); a car has several when an epoch ends in the run."""
-    clocks: Mapping[str, ClockOffset] = field(default_factory=dict)
-    """Offset of the clock of each box, which its trace has been mapped with."""
+    clocks: Mapping[str, Sequence[ClockOffset]] = field(default_factory=dict)
+    """Offset of the clock of each box, which its trace has been mapped with; one for each start."""
     unjudged: Mapping[str, str] = field(default_factory=dict)
     """Why the trace of a box cannot be judged."""
+    by_messages: frozenset[str] = frozenset()
+    """Boxes without a recording, whose traces have only the messages that they sent."""
+    notes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """What of a box is not as in a process of its car."""
     lateness: Sequence[LatenessLine] = ()
     """How late the rig was."""
 

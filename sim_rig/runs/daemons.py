@@ -2,6 +2,7 @@
 
 import shutil
 import socket
+from collections import Counter
 from pathlib import Path
 
 import yaml
@@ -28,7 +29,7 @@ _RECORDS_WHEN_READY = frozenset({"ready", "speed", "lead"})
 
 
 class Daemons:
-    """Starts the daemons, and reads their traces."""
+    """Starts the daemons, cuts their power, and reads their traces."""
 
     def __init__(self, scenario: Scenario, seed: int, folder: Path, processes: Processes) -> None:
         """Start nothing yet.
@@ -43,6 +44,8 @@ class Daemons:
         self._seed = seed
         self._folder = folder
         self._processes = processes
+        self._cuts: Counter[str] = Counter()
+        """Power cuts of each car up to now."""
 
     def wires(self, camera_port: int) -> WireSettings:
         """Return wires of one car at free ports."""
@@ -77,8 +80,21 @@ class Daemons:
         config_file.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
         self._trace(car).unlink(missing_ok=True)
         shutil.rmtree(self._recording(car), ignore_errors=True)
-        await self._processes.start(car, *self._program(car), "run", str(config_file))
+        await self.restore(car)
         return f"http://127.0.0.1:{page_port}/"
+
+    async def cut(self, car: str) -> None:
+        """End the daemon of `car` as a power cut does, and keep what it wrote."""
+        await self._processes.kill(car)
+        self._cuts[car] += 1
+        for file in (self._trace(car), self._capture(car)):
+            if file.exists():
+                file.rename(_of_start(file, self._cuts[car]))
+
+    async def restore(self, car: str) -> None:
+        """Start the daemon of `car` anew."""
+        config_file = self._folder / f"{car}.yaml"
+        await self._processes.start(car, *self._program(car), "run", str(config_file))
 
     def is_ready(self, car: str) -> bool:
         """Whether the daemon of `car` is ready and receives its sensors."""
@@ -88,8 +104,10 @@ class Daemons:
         return kinds >= _RECORDS_WHEN_READY | ({"position"} if self._scenario.gnss else set())
 
     def trace(self, car: str) -> list[Record]:
-        """Return the trace of `car` up to now."""
-        return read_trace(self._trace(car))
+        """Return the trace of `car` up to now, of all starts of its daemon."""
+        last = self._trace(car)
+        files = [*(_of_start(last, 1 + n) for n in range(self._cuts[car])), last]
+        return [record for file in files if file.exists() for record in read_trace(file)]
 
     def _interfaces(self, car: str, wires: WireSettings, page_port: int) -> dict[str, object]:
         """Return the daemon's settings for its wires."""
@@ -103,7 +121,7 @@ class Daemons:
                 "unit_port": wires.radio.port,
             },
             "hmi": {"port": page_port, "brake_button": True},
-            "trace": {"file": str(self._trace(car)), "capture": str(self._folder / f"{car}.pcap")},
+            "trace": {"file": str(self._trace(car)), "capture": str(self._capture(car))},
             "recorder": {"folder": str(self._recording(car)), "segment_s": 3600.0},
         }
         if self._scenario.cars[car].obeys_request and wires.controller is not None:
@@ -130,6 +148,30 @@ class Daemons:
 
     def _trace(self, car: str) -> Path:
         return self._folder / f"{car}.jsonl"
+
+    def _capture(self, car: str) -> Path:
+        return self._folder / f"{car}.pcap"
+
+
+class DaemonPower:
+    """Power of one daemon's computer."""
+
+    def __init__(self, daemons: Daemons, car: str) -> None:
+        self._daemons = daemons
+        self._car = car
+
+    async def cut(self) -> None:
+        """See `Daemons.cut`."""
+        await self._daemons.cut(self._car)
+
+    async def restore(self) -> None:
+        """See `Daemons.restore`."""
+        await self._daemons.restore(self._car)
+
+
+def _of_start(file: Path, number: int) -> Path:
+    """Name of a file that a daemon wrote from its start `number` to a power cut."""
+    return file.with_stem(f"{file.stem}-{number}")
 
 
 def _free_port(kind: socket.SocketKind) -> int:

@@ -18,9 +18,11 @@ from types import MappingProxyType
 import numpy as np
 
 from onboard.security.key_files import write_credentials
-from onboard.tools.doctor.finding import FindingLevel
-from sim_rig.boxes.box_log import FLUSHED_AFTER_S, FramesOfRun, box_log, fetch
+from sim_rig.boxes.box_computer import BoxComputer
+from sim_rig.boxes.box_configuration import differences
+from sim_rig.boxes.box_log import FLUSHED_AFTER_S, BoxLog, FramesOfRun, box_log, other_identity
 from sim_rig.boxes.contact import Contact
+from sim_rig.boxes.sent_messages import sent_messages
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.background_traffic import BackgroundTraffic
@@ -37,7 +39,8 @@ from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.runs.car_states import car_state_records
-from sim_rig.runs.daemons import Daemons
+from sim_rig.runs.daemons import DaemonPower, Daemons
+from sim_rig.runs.power_cuts import PowerSwitch, cut_power, with_power_cuts
 from sim_rig.runs.rig_ends import RigEnds
 from sim_rig.runs.virtual_others import VirtualOthers
 from sim_rig.scenario.car_config import names_by_id
@@ -94,6 +97,7 @@ class LiveTestbench:
         self._boxes = boxes
         others = [car for car in scenario.equipped if car not in boxes]
         self._virtual, self._processed = (others, []) if virtual_others else ([], others)
+        self._computers = {car: BoxComputer(car, box, folder) for car, box in boxes.items()}
         self._contacts = {car: Contact() for car in boxes}
         self._daemons = Daemons(scenario, seed, folder, self.processes)
         self._lateness = Lateness()
@@ -117,7 +121,7 @@ class LiveTestbench:
         Raises:
             ProcessError: a daemon did not get ready, or ended unexpectedly.
             BoxNotReadyError: a box did not get ready.
-            UserError: the recording of a box could not be fetched.
+            UserError: a command of a box's file has failed.
         """
         await self._until_ready()
         self._lateness.clear()
@@ -132,58 +136,89 @@ class LiveTestbench:
             brake=self._brake,
         )
         (self._folder / START_FILE).write_text(repr(self.start_s), encoding="utf-8")
-        slowing = asyncio.create_task(
-            slow_down(self._scenario, self.start_s, self.processes, self._processed)
-        )
         assert self._cameras.stdin is not None  # noqa: S101 (started with pipes)
         self._cameras.stdin.write(f"{self.start_s}\n".encode())
         self._engineer.begin(self.start_s)
-        try:
-            end_at = self.start_s + self._scenario.duration_s + _EXTRA_S
-            await self.processes.sleep_until(end_at)
-        finally:
-            slowing.cancel()
-            await asyncio.gather(slowing, return_exceptions=True)
+        await self._drive(self.start_s + self._scenario.duration_s + _EXTRA_S)
         self._lines = tuple(self._lateness.lines())
         await self.processes.stop(*self._processed)
         await asyncio.sleep(FLUSHED_AFTER_S if self._boxes else 0.0)
-        for car, box in self._boxes.items():
-            await fetch(car, box)
+        for computer in self._computers.values():
+            await computer.stop()
+            await computer.fetch()
+
+    async def _drive(self, end_s: float) -> None:
+        """Let the daemons run until `end_s`, with the faults of their computers."""
+        power_cuts = [
+            cut_power(fault, self._power(fault.car), self.start_s, end_s)
+            for fault in self._scenario.power_cuts()
+            if fault.car not in self._virtual
+        ]
+        slowing, *tasks = (
+            asyncio.create_task(each)
+            for each in (
+                slow_down(self._scenario, self.start_s, self.processes, self._processed),
+                self.processes.sleep_until(end_s),
+                *power_cuts,
+            )
+        )
+        try:
+            await asyncio.gather(*tasks)
+        finally:
+            for task in (slowing, *tasks):
+                task.cancel()
+            await asyncio.gather(slowing, *tasks, return_exceptions=True)
+
+    def _power(self, car: str) -> PowerSwitch:
+        return self._computers.get(car) or DaemonPower(self._daemons, car)
 
     def log(self) -> RunLog:
         """Return the run log; call it after the end of the context."""
-        boxes = {
-            car: box_log(
-                box.recording,
-                FramesOfRun(
-                    self.recorder.from_box[car],
-                    self.recorder.to_box[car],
-                    self.start_s,
-                    self.start_s + self._scenario.duration_s,
-                    time.time() - time.monotonic(),
-                ),
-                self._folder / "box" / car,
-            )
-            for car, box in self._boxes.items()
+        boxes = {car: self._box_log(car, box) for car, box in self._boxes.items()}
+        names = names_by_id(self._scenario, self.start_utc_s, time.time())
+        why_not_judged = {
+            car: box.why_not_judged
+            or other_identity(box.records, [each for each in names if names[each] == car])
+            for car, box in boxes.items()
         }
         return RunLog(
             start_s=self.start_s,
             traces={
-                car: self._trace(car) if car not in boxes else boxes[car].records
+                car: with_power_cuts(
+                    self._trace(car) if car not in boxes else boxes[car].records,
+                    self._scenario,
+                    car,
+                    self.start_s,
+                )
                 for car in self._scenario.equipped
             },
             rig=[
                 *self.recorder.records,
                 *car_state_records(self._road, self.start_s, self._scenario.duration_s),
             ],
-            names=names_by_id(self._scenario, self.start_utc_s, time.time()),
-            clocks={car: box.clock for car, box in boxes.items() if box.clock is not None},
-            unjudged={
-                car: box.why_not_judged
-                for car, box in boxes.items()
-                if box.why_not_judged is not None
-            },
+            names=names,
+            clocks={car: box.clocks for car, box in boxes.items() if box.clocks},
+            unjudged={car: why for car, why in why_not_judged.items() if why is not None},
+            by_messages=frozenset(car for car, box in self._boxes.items() if not box.recording),
+            notes={car: box.notes for car, box in boxes.items() if box.notes},
             lateness=self._lines,
+        )
+
+    def _box_log(self, car: str, box: BoxSettings) -> BoxLog:
+        if box.recording is None:
+            return BoxLog(sent_messages(self.recorder.from_box[car]), (), None)
+        return box_log(
+            box.recording,
+            FramesOfRun(
+                self.recorder.from_box[car],
+                self.recorder.to_box[car],
+                self.start_s,
+                self.start_s + self._scenario.duration_s,
+                time.time() - time.monotonic(),
+                self._computers[car].power_cuts,
+            ),
+            self._folder / "box" / car,
+            lambda header: differences(header, self._scenario, car),
         )
 
     def _trace(self, car: str) -> Sequence[Record]:
@@ -217,6 +252,9 @@ class LiveTestbench:
             await ends.open(car, wires, units, self._open)
             if box is None:
                 self.pages[car] = await self._daemons.start(car, wires)
+            else:
+                self._open.push_async_callback(self._computers[car].stop)
+                await self._computers[car].start()
         self._engineer = await EngineerPage.open(
             self.processes, self._scenario_file, self._folder, camera_port
         )
@@ -300,16 +338,13 @@ class LiveTestbench:
                 )
             await self.processes.sleep_until(time.monotonic() + 0.1)
         for car, box in self._boxes.items():
-            while missing := [
-                finding
-                for finding in self.contact(car).findings(car, box, self._scenario)
-                if finding.level is FindingLevel.MISSING
-            ]:
+            while missing := self.contact(car).missing(car, box, self._scenario):
                 if time.monotonic() > began_at + box.ready_within_s:
                     raise BoxNotReadyError(
                         f"{car}: the box is not ready after {box.ready_within_s:g} s:"
                         f" {'; '.join(f'{each.subject}: {each.detail}' for each in missing)}"
                     )
+                self._computers[car].check()
                 await self.processes.sleep_until(time.monotonic() + 0.1)
 
     def contact(self, car: str) -> Contact:

@@ -28,6 +28,7 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.car_states import car_state_records
+from sim_rig.runs.power_cuts import with_power_cuts
 from sim_rig.runs.virtual_car import START_UTC_S, VirtualCar
 from sim_rig.runs.virtual_recorder import VirtualRecorder
 from sim_rig.scenario.car_config import names_by_id
@@ -59,7 +60,10 @@ def run_virtual(
         recorder.close(scenario.duration_s)
     return RunLog(
         start_s=0.0,
-        traces={car.name: car.trace for car in run.cars.values()},
+        traces={
+            car.name: with_power_cuts(car.trace, scenario, car.name, 0.0)
+            for car in run.cars.values()
+        },
         rig=[
             *run.recorder.records,
             *car_state_records(run.road, 0.0, scenario.duration_s),

@@ -78,35 +78,20 @@ class VirtualCar:
         self.trace: list[Record] = []
         self.planned_at = math.inf
         self._start_utc_s = start_utc_s
-        own_seed, *other_seeds = seed.spawn(5)
+        self._seed, *other_seeds = seed.spawn(5)
         camera_rng, gnss_rng, vehicles_rng, ecu_rng = map(np.random.default_rng, other_seeds)
-        config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
+        self._config = parse_settings(car_config(scenario, name, seed=0), CarConfig, name)
+        self._sensors = _sensors(scenario)
+        self._credentials = credentials
+        self._recorder = recorder
         self._faults = VehicleFaults(scenario, name)
-        self._stack = recorded_stack(
-            recorder,
-            InitialState(
-                config=config,
-                sensors=_sensors(scenario),
-                seed=own_seed,
-                now=0.0,
-                utc_s=start_utc_s + self._faults.clock_error_s(0.0),
-                credentials=credentials,
-                signals=read_signals(config.obd.broadcast),
-            ),
-        )
-        self._stack_at = self._stack.get_timer()
         self._on_ecu_frame = on_ecu_frame
         self._controller = controller
         self._waiting: list[bytes] = []
-        phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
-        self._camera = CameraModel(
-            CameraView(scenario, road, name, camera_rng),
-            config.vision,
-            phase_s,
-            camera_rng,
-            calibration(scenario.lens),
-        )
-        self._derivation = DerivationDelay()
+        self._phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
+        self._view = CameraView(scenario, road, name, camera_rng)
+        self._camera_rng = camera_rng
+        self._lens = calibration(scenario.lens)
         self._ecu = FaultyEcu(
             scenario,
             name,
@@ -120,7 +105,8 @@ class VirtualCar:
             self._devices.append(self._receiver(road, scenario.gnss, gnss_rng, sky_rng))
         if scenario.detector is not None:
             vehicles = VehicleCamera(scenario.detector, name, road.cars_at, vehicles_rng)
-            self._devices.append((ExternalDetector(vehicles, phase_s), ObjectListReader()))
+            self._devices.append((ExternalDetector(vehicles, self._phase_s), ObjectListReader()))
+        self._start(0.0)
 
     def get_timer(self) -> float:
         """Return when a device or the stack of this car is next due."""
@@ -138,11 +124,15 @@ class VirtualCar:
 
     def receive_wsm(self, wsm: bytes, now: float) -> list[SentWsm]:
         """Receive a frame from the radio unit; return the frames for it."""
+        if self._faults.is_off(now):
+            return []
+        self._start_if_due(now)
         self._waiting.append(wsm)
         return [] if self.is_asleep(now) else self.step(now)
 
     def handle_timer(self, now: float) -> list[SentWsm]:
         """Read all wires and step the cores; return the frames for the radio unit."""
+        self._start_if_due(now)
         frames = self._ecu.frames_to_send(now)
         for frame in frames:
             self._on_ecu_frame(frame)
@@ -173,6 +163,43 @@ class VirtualCar:
                 self._controller.receive_bytes(datagram.encode(event), now)
         self.trace += map(as_trace_record, outputs.events)
         return outputs.wsms
+
+    def _start_if_due(self, now: float) -> None:
+        """Start the daemon anew if the power is back."""
+        since_s = self._faults.on_since(now)
+        if since_s > self._on_since_s:
+            for device, _ in self._devices:
+                device.skip_to(now)
+            self._ecu.frames_to_send(now)
+            self._seed = self._seed.spawn(1)[0]
+            self._start(since_s)
+
+    def _start(self, now: float) -> None:
+        """Start the daemon, which knows nothing of an earlier start."""
+        self._on_since_s = now
+        self._waiting.clear()
+        self._stack = recorded_stack(
+            self._recorder,
+            InitialState(
+                config=self._config,
+                sensors=self._sensors,
+                seed=self._seed,
+                now=now,
+                utc_s=self._start_utc_s + now + self._faults.clock_error_s(now),
+                credentials=self._credentials,
+                signals=read_signals(self._config.obd.broadcast),
+            ),
+        )
+        self._stack_at = self._stack.get_timer()
+        images = math.ceil((now - self._phase_s) * FPS)
+        self._camera = CameraModel(
+            self._view,
+            self._config.vision,
+            self._phase_s + images / FPS,
+            self._camera_rng,
+            self._lens,
+        )
+        self._derivation = DerivationDelay()
 
     def _receiver(
         self,

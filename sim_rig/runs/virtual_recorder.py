@@ -9,7 +9,7 @@ from onboard.recorder.settings import RecorderSettings
 
 
 class VirtualRecorder:
-    """Records one drive as one segment."""
+    """Records one drive as one segment, or one after each start."""
 
     def __init__(self, folder: Path) -> None:
         """Write into `folder`, which is created."""
@@ -18,7 +18,9 @@ class VirtualRecorder:
         self._segments: Segments | None = None
 
     def begin(self, header: RecordingHeader) -> None:
-        """See `onboard.recorder.black_box.BlackBox`."""
+        """See `onboard.recorder.black_box.BlackBox`; an earlier drive ends here."""
+        if self._segments is not None:
+            self._segments.close(header.now_s)
         self._segments = Segments(self.settings, header)
         self._segments.open(header.now_s, header.utc_s)
 

@@ -18,6 +18,15 @@ class Expected(Settings):
         """Names of the cars whose traces this entry reads; these must be equipped."""
         return self.cars_used()
 
+    def cars_judged(self) -> Iterator[str]:
+        """Names of the cars whose own traces decide; of others only messages to those count."""
+        return self.cars_traced()
+
+    @property
+    def needs_messages_only(self) -> bool:
+        """Whether the messages that its cars sent are all that this entry reads of their traces."""
+        return False
+
     @abstractmethod
     def check(self, log: RunLog) -> Iterator[str]:
         """Yield one sentence for each deviation from the expectation."""

@@ -87,6 +87,10 @@ class WarningExpected(Expected):
         yield from self.discarded
 
     @override
+    def cars_judged(self) -> Iterator[str]:
+        yield from (each for each in self.cars_used() if each != self.braking)
+
+    @override
     def check(self, log: RunLog) -> Iterator[str]:
         for at_s in self.at_s:
             yield from self._check_one(log, at_s)
@@ -184,6 +188,11 @@ class CountExpected(Expected):
     def cars_used(self) -> Iterator[str]:
         yield from self.cars
 
+    @property
+    @override
+    def needs_messages_only(self) -> bool:
+        return self.what == "sent"
+
     @override
     def check(self, log: RunLog) -> Iterator[str]:
         wanted = {"message": self.message, "reason": self.reason}
@@ -218,6 +227,10 @@ class DeliveredExpected(Expected):
     def cars_used(self) -> Iterator[str]:
         yield self.sender
         yield self.car
+
+    @override
+    def cars_judged(self) -> Iterator[str]:
+        yield from ()
 
     @override
     def check(self, log: RunLog) -> Iterator[str]:

@@ -101,6 +101,15 @@ class SlowCpu(_Fault):
         return at_s if is_awake else at_s - phase_s + self.period_s
 
 
+class PowerCut(_Fault):
+    """The computer of the car has no power: its daemon ends at once, and starts anew at `until_s`.
+
+    What its wires lead to keeps its power: ECU, camera, radio unit and GNSS receiver.
+    """
+
+    what: Literal["power_cut"]
+
+
 class Attack(_Fault):
     """An insider injects false messages with the radio and the keys of `car`.
 
@@ -124,6 +133,7 @@ Fault = Annotated[
     | GnssJump
     | WrongClock
     | SlowCpu
+    | PowerCut
     | Attack,
     Field(discriminator="what"),
 ]

@@ -6,7 +6,7 @@ unknown car or a time out of order is an error that names file, field and value.
 
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -26,7 +26,7 @@ from onboard.obd.settings import BroadcastSettings
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
-from sim_rig.scenario.faults import Fault, PlateMisread
+from sim_rig.scenario.faults import Fault, PlateMisread, PowerCut
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 from sim_rig.scenario.sensor_settings import (
@@ -193,6 +193,10 @@ class Scenario(Settings):
         """
         return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
 
+    def power_cuts(self) -> list[PowerCut]:
+        """Return the power cuts of all cars."""
+        return [fault for fault in self.faults if isinstance(fault, PowerCut)]
+
 
 def load_scenario(name: str) -> Scenario:
     """Read a scenario that comes with the rig, by its name, or a file, by its path.
@@ -233,9 +237,21 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
             yield f"signal.approaches.{road}: no such road; roads: {', '.join(scenario.roads)}"
     if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
         yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
+    yield from _mistakes_of_faults(scenario)
+
+
+def _mistakes_of_faults(scenario: Scenario) -> Iterator[str]:
     for index, fault in enumerate(scenario.faults):
         if fault.until_s <= fault.from_s:
             yield f"faults.{index}.until_s: must be after from_s (given {fault.until_s:g})"
+        if isinstance(fault, PowerCut) and fault.car not in scenario.equipped:
+            yield f"faults.{index}.car: has no computer whose power can be cut (given {fault.car})"
+    for one, other in combinations(scenario.power_cuts(), 2):
+        if one.car == other.car and one.from_s <= other.until_s and other.from_s <= one.until_s:
+            yield (
+                f"faults: the second power_cut of {one.car} must begin after the first has ended"
+                f" (given {other.from_s:g} to {other.until_s:g} s)"
+            )
 
 
 def _mistakes_of_cars(scenario: Scenario) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """The doctor of a box: what each wire lacks is named, with what to do."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.security import ieee1609dot2
-from onboard.settings import SettingsError, parse_settings
+from onboard.settings import SettingsError
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -19,19 +20,7 @@ from sim_rig.boxes.doctor import CERTIFICATE_KNOWN_S, doctor_scenario, findings_
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.run_log.clock_offset import ClockOffset
 from sim_rig.run_log.run_log import RunLog
-
-RIG = {
-    "plate": "RD288HX",
-    "bus": {"port": 29536},
-    "camera": {"port": 8090},
-    "radio": {"port": 5398, "box_port": 5399},
-    "keys": "trial",
-    "recording": "drive",
-}
-
-
-def box(**more: object) -> BoxSettings:
-    return parse_settings(RIG | more, BoxSettings, "red.yaml")
+from tests.sim_rig.box_file import box
 
 
 def frame(core: CoreData) -> bytes:
@@ -112,7 +101,7 @@ def drive(red: Sequence[dict[str, Any]], ahead: Sequence[dict[str, Any]] = ()) -
         {"ahead": list(ahead), "red": list(red)},
         [],
         {"ab": "ahead"},
-        clocks={"red": ClockOffset(5.0, 0.001, 90, 80)},
+        clocks={"red": [ClockOffset(5.0, 0.001, 90, 80)]},
     )
 
 
@@ -156,6 +145,24 @@ def test_a_sensor_that_is_lost_at_the_end_is_named() -> None:
     assert found["detector"].detail == "the box reports it lost: silent"
     assert "camera" not in found
     assert not missing(list(findings_of_drive("red", drive([JOINED, lost, back]))))
+
+
+def test_a_box_without_a_recording_needs_its_radio_only() -> None:
+    vendor = box(recording=None)
+    scenario = doctor_scenario("red", vendor)
+    assert [each.subject for each in Contact().missing("red", vendor, scenario)] == ["radio"]
+    assert at_work(speed_m_s=15.0).missing("red", vendor, scenario) == []
+    log = RunLog(100.0, {"ahead": [], "red": []}, [], {}, by_messages=frozenset({"red"}))
+    found = list(findings_of_drive("red", log))
+    assert [(each.subject, each.level) for each in found] == [
+        ("recording", FindingLevel.NOT_CONFIGURED)
+    ]
+
+
+def test_what_differs_in_version_or_configuration_is_named() -> None:
+    log = replace(drive([LEAD, JOINED]), notes={"red": ["its onboard has version 0"]})
+    found = [each for each in findings_of_drive("red", log) if each.subject == "configuration"]
+    assert [each.detail for each in found] == ["its onboard has version 0"]
 
 
 def test_a_recording_that_is_not_judged_is_named() -> None:

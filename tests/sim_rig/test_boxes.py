@@ -1,6 +1,6 @@
 """The file of a box, and the verdict on a run with one."""
 
-import asyncio
+import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,9 +12,8 @@ from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.security.key_files import KeyFilesError
 from onboard.security.settings import PlateDigestSettings
-from onboard.settings import SettingsError, load_settings
+from onboard.settings import SettingsError, load_settings, parse_settings
 from onboard.wave_udp.settings import IwcuSettings
-from sim_rig.boxes.box_log import fetch
 from sim_rig.boxes.settings import BoxSettings, load_boxes
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
@@ -128,6 +127,34 @@ def test_a_fault_of_a_process_cannot_be_put_on_a_box(tmp_path: Path) -> None:
     assert "needs a process" in mistakes(scenario, written(tmp_path, car, own))
 
 
+def test_a_power_cut_of_a_box_needs_its_commands(tmp_path: Path) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX"))
+    found = mistakes(load_scenario("power-cut"), given)
+    assert "red: power: is required, since the scenario has a power_cut of red" in found
+
+
+@pytest.mark.parametrize(
+    ("changed", "mistake"),
+    [
+        ({"stop": ["true"]}, "stop needs start, which it ends"),
+        ({"recording": None, "fetch": ["true"]}, "fetch needs recording, which it fills"),
+        ({"power": {"cut": ["true"]}}, "power.restore: is required and missing"),
+        ({"power": {"cut": [], "restore": ["true"]}}, "power.cut: "),
+        ({"start": "ssh desk2"}, "start: "),
+    ],
+)
+def test_commands_that_lack_something_are_named(
+    fig4: Scenario, tmp_path: Path, changed: dict[str, object], mistake: str
+) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX", **changed))
+    assert mistake in mistakes(fig4, given)
+
+
+def test_two_wires_of_one_box_with_one_address_are_named(fig4: Scenario, tmp_path: Path) -> None:
+    given = written(tmp_path, "red", box(tmp_path, "RD288HX", camera={"port": BUS}))
+    assert f"red: camera.port: 127.0.0.1:{BUS} is bus.port of red already" in mistakes(fig4, given)
+
+
 def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path: Path) -> None:
     (tmp_path / "keys").mkdir()
     red = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
@@ -138,23 +165,6 @@ def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path
 def test_an_empty_command_is_named(fig4: Scenario, tmp_path: Path) -> None:
     given = written(tmp_path, "red", box(tmp_path, "RD288HX", fetch=[]))
     assert "red.yaml: fetch: " in mistakes(fig4, given)
-
-
-@pytest.mark.parametrize(
-    ("command", "mistake"),
-    [
-        (["no-such-program"], "red: fetch: no-such-program: No such file or directory"),
-        (["false", "drive"], "red: fetch: false drive: exit code 1"),
-    ],
-)
-def test_a_recording_that_cannot_be_fetched_is_named(
-    fig4: Scenario, tmp_path: Path, command: list[str], mistake: str
-) -> None:
-    given = written(tmp_path, "red", box(tmp_path, "RD288HX", fetch=command))
-    red = load_boxes([given], fig4)["red"]
-    with pytest.raises(UserError) as found:
-        asyncio.run(fetch("red", red))
-    assert str(found.value) == mistake
 
 
 @pytest.fixture
@@ -176,7 +186,7 @@ def joined_at(at_s: float, clock: ClockOffset | None, **other: object) -> RunLog
         {"red": [joined | {"stamp_s": 100.0 + at_s}]},
         [],
         {},
-        clocks={} if clock is None else {"red": clock},
+        clocks={} if clock is None else {"red": [clock]},
         **other,  # type: ignore[arg-type]
     )
 
@@ -213,6 +223,42 @@ def test_a_box_without_a_record_fails_nothing(joins: Scenario) -> None:
     found = verdict(joins, log)
     assert (found.outcome, found.failures) == (Outcome.INVALID, ())
     assert found.invalid == ("red: not judged: no recording",)
+
+
+def test_a_box_without_a_recording_is_judged_by_its_messages_and_deliveries(
+    fig4: Scenario,
+) -> None:
+    joins = {"what": "sent", "message": "join", "cars": ["red"], "from_s": 0, "until_s": 9}
+    arrives = {"what": "delivered", "sender": "red", "car": "blue", "from_s": 0, "until_s": 9}
+    expect = [
+        fig4.expect[0].model_dump(),
+        {"what": "warning", "braking": "red", "at_s": [5.0], "within_s": {"blue": 1.0}},
+        joins | {"at_least": 1},
+        joins | {"at_most": 0},
+        arrives | {"at_least": 1},
+    ]
+    scenario = parse_settings(
+        fig4.model_dump(exclude={"expect"}) | {"expect": expect}, Scenario, "fig4"
+    )
+    join = {"stamp_s": 103.0, "kind": "sent", "message": "join"}
+    log = RunLog(
+        100.0,
+        {"red": [join], "blue": [{"stamp_s": 105.5, "kind": "warning", "origin_id": "aa"}]},
+        [],
+        {"aa": "red"},
+        by_messages=frozenset({"red"}),
+    )
+
+    found = verdict(scenario, log)
+    assert found.not_judged == ("expect.0 (state): red has no recording",)
+    assert found.failures == (
+        "sent join: 1 times by red, at most 0",
+        "blue receives 0 frames of red, at least 1",
+    )
+    alone = verdict(scenario.model_copy(update={"expect": scenario.expect[:1]}), log)
+    assert alone.outcome is Outcome.INVALID
+    both = verdict(scenario.model_copy(update={"expect": scenario.expect[:3]}), log)
+    assert (both.outcome, both.invalid) == (Outcome.PASSED, ())
 
 
 def test_a_late_rig_makes_the_run_of_a_box_invalid(joins: Scenario) -> None:
@@ -254,3 +300,16 @@ def test_the_examples_are_two_ends_of_the_same_wires(fig4: Scenario) -> None:
     assert car.security.plate_digest == PlateDigestSettings.model_validate(DIGEST)
     assert rig.fetch is not None
     assert rig.recording == Path(rig.fetch[-1]) / "drive"
+
+
+def test_the_example_of_a_second_box_fits_beside_the_first(fig4: Scenario, tmp_path: Path) -> None:
+    given = []
+    for car in ("red", "blue"):
+        text = (EXAMPLES / f"{car}.yaml").read_text()
+        text = re.sub(r"192\.168\.7([78])\.", r"127.0.\1.", text)
+        (tmp_path / f"{car}.yaml").write_text(text)
+        given.append(f"{car}={tmp_path}/{car}.yaml")
+
+    boxes = load_boxes(given, fig4)
+    assert boxes["blue"].start is not None
+    assert (boxes["red"].power, boxes["blue"].power) == (None, None)

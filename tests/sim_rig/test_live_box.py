@@ -19,7 +19,7 @@ import yaml
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import compare
 from onboard.tools.doctor.finding import FindingLevel
-from sim_rig.boxes.settings import BoxSettings, load_boxes
+from sim_rig.boxes.settings import BoxSettings, PowerSettings, load_boxes
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
 from sim_rig.processes.processes import ProcessError
@@ -101,8 +101,26 @@ def box(tmp_path: Path, scenario: Scenario) -> BoxSettings:
 
 @contextmanager
 def running(box: BoxSettings, scenario: Scenario, folder: Path, utc_s: float) -> Iterator[None]:
-    """Run the box: nothing of its configuration comes from the rig but the camera's lens."""
+    """Run the box."""
     run_credentials(scenario, {"red": box}, utc_s)
+    file = configured(box, scenario, folder)
+    clock = OWN_CLOCK if has_own_clock() else ()
+    with (folder / "car.log").open("wb") as log:
+        process = subprocess.Popen(
+            [*clock, "sh", "-c", RESTARTED, sys.executable, str(file)],
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+        try:
+            yield
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)  # unshare ignores SIGTERM
+            process.wait(10.0)
+
+
+def configured(box: BoxSettings, scenario: Scenario, folder: Path) -> Path:
+    """Write its configuration: nothing of it comes from the rig but the camera's lens."""
     config = {
         "car": {"plate": box.plate},
         "can": {"port": box.bus.port},
@@ -118,19 +136,7 @@ def running(box: BoxSettings, scenario: Scenario, folder: Path, utc_s: float) ->
     }
     file = folder / "car.yaml"
     file.write_text(yaml.safe_dump(config))
-    clock = OWN_CLOCK if has_own_clock() else ()
-    with (folder / "car.log").open("wb") as log:
-        process = subprocess.Popen(
-            [*clock, "sh", "-c", RESTARTED, sys.executable, str(file)],
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-        )
-        try:
-            yield
-        finally:
-            os.killpg(process.pid, signal.SIGKILL)  # unshare ignores SIGTERM
-            process.wait(10.0)
+    return file
 
 
 def run_with(
@@ -167,7 +173,7 @@ def test_a_box_meets_the_expectations_of_a_process_and_can_be_replayed(
     log = run_with(box, scenario, tmp_path, virtual_others=virtual_others)
 
     assert log.unjudged == {}
-    clock = log.clocks["red"]
+    (clock,) = log.clocks["red"]
     ahead_s = AHEAD_S if has_own_clock() else 0
     assert abs(clock.offset_s + ahead_s) <= clock.uncertainty_s
     assert min(clock.frames_from_box, clock.frames_to_box) > 50
@@ -181,6 +187,34 @@ def test_a_box_meets_the_expectations_of_a_process_and_can_be_replayed(
     assert (found.failures, found.invalid) == ((), ())
     assert found.outcome is Outcome.PASSED
     assert {"received", "alarm", "chain"} <= {line.hop for line in ledger(log)}
+
+
+def test_a_box_that_the_rig_starts_and_whose_power_it_cuts_is_judged_over_both_starts(
+    box: BoxSettings, tmp_path: Path
+) -> None:
+    scenario = load_scenario("power-cut")
+    process = tmp_path / "process"
+    starts = f"echo $$ > {process}; exec {sys.executable} -m onboard run {tmp_path}/car.yaml"
+    commands = {
+        "start": ("sh", "-c", starts),
+        "stop": ("sh", "-c", f"kill $(cat {process})"),
+        "power": PowerSettings(
+            cut=("sh", "-c", f"kill -9 $(cat {process})"),
+            restore=("sh", "-c", f"sh -c '{starts}' 2> {tmp_path}/car.log &"),
+        ),
+    }
+    configured(box, scenario, tmp_path)
+    log = run_with(
+        box.model_copy(update=commands), scenario, tmp_path, box_is_on=False, virtual_others=True
+    )
+
+    assert log.unjudged == {}
+    assert len(log.clocks["red"]) == 2
+    assert len(list((tmp_path / "run" / "box" / "red").iterdir())) == 2
+    found = verdict(scenario, log)
+    if found.rig_was_late:
+        pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
+    assert (found.failures, found.invalid) == ((), ())
 
 
 def test_a_box_that_is_off_is_named_with_what_it_does_not_do(

@@ -1,0 +1,122 @@
+"""The computer of a box, by the user's commands: its start, its power, and a copy of its recording.
+
+A car of a scenario on another computer of the user's is such a box, started by ssh.
+"""
+
+import asyncio
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim_rig.boxes.commands import failure, run_command, start_command
+from sim_rig.boxes.settings import BoxSettings
+
+FETCHED_WITHIN_S = 120.0
+"""Limit of the command that copies the black box."""
+SWITCHED_WITHIN_S = 10.0
+"""Limit of the commands that switch the power, and of the one that stops the daemon."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeWithoutPower:
+    """One power cut of a box, on the rig's clock."""
+
+    cut_s: float
+    """Start of the command that cuts the power."""
+    off_s: float
+    """End of that command."""
+    restored_s: float
+    """Start of the command that restores it."""
+
+
+class BoxComputer:
+    """Runs the commands of one box's file; one that is not given does nothing."""
+
+    def __init__(self, car: str, box: BoxSettings, folder: Path) -> None:
+        """Run nothing yet.
+
+        Args:
+            car: name of the box.
+            box: its file.
+            folder: for the output of `start`.
+        """
+        self.power_cuts: list[TimeWithoutPower] = []
+        self._car = car
+        self._box = box
+        self._output = folder / f"{car}-start.log"
+        self._started: asyncio.subprocess.Process | None = None
+        self._cut_s = self._off_s = time.monotonic()
+
+    async def start(self) -> None:
+        """Run `start`, which may last as long as the run.
+
+        Raises:
+            UserError: it cannot be run.
+        """
+        if self._box.start is not None:
+            with self._output.open("wb") as output:
+                self._started = await start_command(f"{self._car}: start", self._box.start, output)
+
+    def check(self) -> None:
+        """Raise `UserError` if `start` has failed, with the last line that it printed."""
+        if self._started is not None and self._started.returncode:
+            assert self._box.start is not None  # noqa: S101 (it has been started)
+            raise failure(
+                f"{self._car}: start",
+                self._box.start,
+                self._started.returncode,
+                self._output.read_bytes(),
+            )
+
+    async def stop(self) -> None:
+        """Run `stop`, and end `start` if it still runs; afterwards there is nothing to stop.
+
+        Raises:
+            UserError: `stop` has failed.
+        """
+        started, self._started = self._started, None
+        if started is None:
+            return
+        try:
+            if self._box.stop is not None:
+                await run_command(f"{self._car}: stop", self._box.stop, SWITCHED_WITHIN_S)
+        finally:
+            if started.returncode is None:
+                started.terminate()
+                try:
+                    await asyncio.wait_for(started.wait(), SWITCHED_WITHIN_S)
+                except TimeoutError:
+                    started.kill()
+                    await started.wait()
+
+    async def cut(self) -> None:
+        """Run `power.cut`.
+
+        Raises:
+            UserError: it has failed.
+        """
+        self._cut_s = time.monotonic()
+        if self._box.power is not None:
+            await run_command(f"{self._car}: power.cut", self._box.power.cut, SWITCHED_WITHIN_S)
+        self._off_s = time.monotonic()
+
+    async def restore(self) -> None:
+        """Run `power.restore`.
+
+        Raises:
+            UserError: it has failed.
+        """
+        self.power_cuts.append(TimeWithoutPower(self._cut_s, self._off_s, time.monotonic()))
+        if self._box.power is not None:
+            command = self._box.power.restore
+            await run_command(f"{self._car}: power.restore", command, SWITCHED_WITHIN_S)
+
+    async def fetch(self) -> None:
+        """Run `fetch`.
+
+        Raises:
+            UserError: it has failed.
+        """
+        if self._box.fetch is not None and self._box.recording is not None:
+            self._box.recording.parent.mkdir(parents=True, exist_ok=True)
+            await run_command(f"{self._car}: fetch", self._box.fetch, FETCHED_WITHIN_S)

@@ -1,0 +1,120 @@
+"""The user's commands for a box: what they do, and what is said when they fail."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from onboard.errors import UserError
+from sim_rig.boxes.box_computer import BoxComputer
+from tests.sim_rig.box_file import box
+
+
+def shell(script: str) -> list[str]:
+    return ["sh", "-c", script]
+
+
+def computer(folder: Path, **commands: object) -> BoxComputer:
+    settings = box(recording=str(folder / "new" / "drive"), **commands)
+    return BoxComputer("red", settings, folder)
+
+
+def test_a_file_without_commands_runs_none(tmp_path: Path) -> None:
+    async def use() -> None:
+        red = computer(tmp_path)
+        await red.start()
+        red.check()
+        await red.stop()
+        await red.fetch()
+
+    asyncio.run(use())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_was_started_is_ended(tmp_path: Path) -> None:
+    async def use() -> None:
+        stop = shell(f"echo stopped > {tmp_path}/stop")
+        red = computer(tmp_path, start=shell("exec sleep 60"), stop=stop)
+        await red.start()
+        started = red._started
+        assert started is not None
+        await red.stop()
+        assert started.returncode == -15
+        (tmp_path / "stop").unlink()
+        await red.stop()
+
+    asyncio.run(use())
+    assert not (tmp_path / "stop").exists()
+
+
+def test_a_start_that_fails_says_what_it_printed(tmp_path: Path) -> None:
+    async def use() -> None:
+        red = computer(tmp_path, start=shell("echo welcome; echo no route to desk2 >&2; exit 255"))
+        await red.start()
+        assert red._started is not None
+        await red._started.wait()
+        red.check()
+
+    with pytest.raises(UserError) as found:
+        asyncio.run(use())
+    assert str(found.value).startswith("red: start: sh -c ")
+    assert str(found.value).endswith("exit code 255: no route to desk2")
+
+
+def test_a_start_that_returns_at_once_is_no_failure(tmp_path: Path) -> None:
+    async def use() -> None:
+        red = computer(tmp_path, start=["true"])
+        await red.start()
+        assert red._started is not None
+        await red._started.wait()
+        red.check()
+        await red.stop()
+
+    asyncio.run(use())
+
+
+@pytest.mark.parametrize(
+    ("command", "mistake"),
+    [
+        (["no-such-program"], "red: fetch: no-such-program: No such file or directory"),
+        (["false", "drive"], "red: fetch: false drive: exit code 1"),
+        (["ls", "/no/such"], "red: fetch: ls /no/such: exit code 2: ls: "),
+    ],
+)
+def test_a_recording_that_cannot_be_fetched_is_named(
+    tmp_path: Path, command: list[str], mistake: str
+) -> None:
+    with pytest.raises(UserError) as found:
+        asyncio.run(computer(tmp_path, fetch=command).fetch())
+    assert str(found.value).startswith(mistake)
+
+
+def test_power_is_cut_and_restored_at_times_that_are_noted(tmp_path: Path) -> None:
+    async def use() -> BoxComputer:
+        state = tmp_path / "state"
+        red = computer(
+            tmp_path, power={"cut": shell(f"echo off > {state}"), "restore": ["rm", str(state)]}
+        )
+        await red.cut()
+        assert state.read_text() == "off\n"
+        await red.restore()
+        assert not state.exists()
+        return red
+
+    (cut,) = asyncio.run(use()).power_cuts
+    assert cut.cut_s < cut.off_s < cut.restored_s
+
+
+def test_a_relay_that_fails_is_named(tmp_path: Path) -> None:
+    power = {"cut": shell("echo no relay; exit 3"), "restore": ["true"]}
+    with pytest.raises(UserError, match=r"red: power\.cut: .*exit code 3: no relay"):
+        asyncio.run(computer(tmp_path, power=power).cut())
+
+
+def test_what_a_command_leaves_in_the_background_is_not_waited_for(tmp_path: Path) -> None:
+    left = tmp_path / "left"
+    restore = shell(f"sleep 60 & echo $! > {left}")
+    red = computer(tmp_path, power={"cut": ["true"], "restore": restore})
+    asyncio.run(red.restore())
+    pid = int(left.read_text())
+    asyncio.run(computer(tmp_path, fetch=["kill", str(pid)]).fetch())
