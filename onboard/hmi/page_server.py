@@ -9,6 +9,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import structlog
 from aiohttp import WSMsgType, web
@@ -21,6 +22,7 @@ from onboard.hmi.connection_limiter import ConnectionLimiter
 from onboard.hmi.feed import Feed, FeedReader
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, with_headers
+from onboard.hmi.recording_files import add_recordings
 from onboard.hmi.settings import HmiSettings
 
 log = structlog.get_logger()
@@ -59,7 +61,11 @@ class PageServer:
     """Serves the driver's page and the metrics."""
 
     def __init__(
-        self, settings: HmiSettings, metrics: Metrics, on_brake: Callable[[], None]
+        self,
+        settings: HmiSettings,
+        metrics: Metrics,
+        on_brake: Callable[[], None],
+        recordings: Path | None = None,
     ) -> None:
         """Build the server; nothing is served yet.
 
@@ -67,7 +73,9 @@ class PageServer:
             settings: address, token and test mode.
             metrics: served at `/metrics`.
             on_brake: called when the page's button is pressed, in test mode only.
+            recordings: folder of the black box, served if `settings` has `recordings`.
         """
+        self._recordings = recordings if settings.recordings else None
         self._settings = settings
         self._metrics = metrics
         self._on_brake = on_brake
@@ -94,6 +102,8 @@ class PageServer:
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/views", self._serve_views)
         app.router.add_get("/metrics", self._serve_metrics)
+        if self._recordings is not None:
+            add_recordings(app, self._recordings)
         add_page(app, read_page("onboard.hmi"))
         errors = logging.Logger(__name__)  # noqa: LOG001 (its filter is of this server only)
         errors.addFilter(_MalformedRequests(self._metrics))

@@ -23,10 +23,16 @@ class HmiSettings(Settings):
     """Test mode: the page has the button of the LCCA paper's demonstration, which warns followers
     as if this vehicle braked hard."""
 
+    recordings: bool = False
+    """Serves the segments of the black box at `/recording`. Needs a `token`, since they have
+    positions and pictures."""
+
     @model_validator(mode="after")
     def _others_need_a_token(self) -> Self:
         if self.token is None and not self.host.is_loopback:
             raise ValueError("a host other than 127.0.0.1 needs a token of at least 16 characters")
+        if self.recordings and self.token is None:
+            raise ValueError("recordings needs a token")
         if self.token is not None:
             text = self.token.get_secret_value()
             if not (text.isascii() and text.replace("-", "a").replace("_", "a").isalnum()):

@@ -40,7 +40,12 @@ class DriverPage:
             brake_button=settings.brake_button,
         )
         self._metrics = Metrics(config.sensors())
-        self._server = PageServer(settings, self._metrics, lambda: on_brake(None))
+        self._server = PageServer(
+            settings,
+            self._metrics,
+            lambda: on_brake(None),
+            config.recorder.folder if config.recorder is not None else None,
+        )
 
     async def start(self) -> None:
         """Listen.

@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_rig.boxes.commands import failure, run_command, start_command
+from sim_rig.boxes.page_download import download
 from sim_rig.boxes.settings import BoxSettings
 
 FETCHED_WITHIN_S = 120.0
 """Limit of the command that copies the black box."""
+_WRITTEN_BEFORE_S = 5.0
+"""Segments that the box wrote this long before the rig was started are copied too."""
 SWITCHED_WITHIN_S = 10.0
 """Limit of the commands that switch the power, and of the one that stops the daemon."""
 
@@ -45,7 +48,7 @@ class BoxComputer:
         self._box = box
         self._output = folder / f"{car}-start.log"
         self._started: asyncio.subprocess.Process | None = None
-        self._cut_s = self._off_s = time.monotonic()
+        self._began_s = self._cut_s = self._off_s = time.monotonic()
 
     async def start(self) -> None:
         """Run `start`, which may last as long as the run.
@@ -110,6 +113,17 @@ class BoxComputer:
         if self._box.power is not None:
             command = self._box.power.restore
             await run_command(f"{self._car}: power.restore", command, SWITCHED_WITHIN_S)
+
+    async def download(self) -> None:
+        """Copy the recording from the page of the box, whose daemon must still run.
+
+        Raises:
+            UserError: it has failed.
+        """
+        if self._box.page is not None and self._box.recording is not None:
+            age_s = time.monotonic() - self._began_s + _WRITTEN_BEFORE_S
+            what = f"{self._car}: page"
+            await download(what, self._box.page, self._box.recording, age_s, FETCHED_WITHIN_S)
 
     async def fetch(self) -> None:
         """Run `fetch`.

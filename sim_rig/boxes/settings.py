@@ -6,7 +6,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.faults import SlowCpu, WrongClock
@@ -27,6 +27,15 @@ class PowerSettings(Settings):
     """Gives it back. The box starts its daemon by itself, as by systemd."""
 
 
+class PageSettings(Settings):
+    """The page of a box, which serves its recording: `hmi.recordings` there."""
+
+    url: Annotated[str, StringConstraints(pattern=r"^https?://[^/?#\s]+/?$")]
+    """`http://HOST:PORT`."""
+    token_file: Path
+    """File with the `hmi.token` of the box."""
+
+
 class BoxSettings(WireSettings):
     """One box: its wires, its plate, its keys and its recording."""
 
@@ -41,6 +50,8 @@ class BoxSettings(WireSettings):
     fetch: Command | None = None
     """Copies the black box to `recording`, in a folder that exists then, when the scenario has
     ended: `[scp, -pr, "root@BOX:/var/lib/onboard/drive", out/red]`."""
+    page: PageSettings | None = None
+    """Instead of `fetch`: copies what the box has recorded since the rig was started."""
     start: Command | None = None
     """Starts the daemon when the rig's ends of the wires are open, and may run as long as it:
     `[ssh, -tt, BOX, onboard, run, car.yaml]`. If it still runs at the end, it gets SIGTERM."""
@@ -53,8 +64,11 @@ class BoxSettings(WireSettings):
 
     @model_validator(mode="after")
     def _has_what_commands_need(self) -> Self:
-        if self.fetch is not None and self.recording is None:
-            raise ValueError("fetch needs recording, which it fills")
+        if self.fetch is not None and self.page is not None:
+            raise ValueError("at most one of fetch and page")
+        for filled_by in ("fetch", "page"):
+            if getattr(self, filled_by) is not None and self.recording is None:
+                raise ValueError(f"{filled_by} needs recording, which it fills")
         if self.stop is not None and self.start is None:
             raise ValueError("stop needs start, which it ends")
         return self

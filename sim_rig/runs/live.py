@@ -144,6 +144,7 @@ class LiveTestbench:
         await self.processes.stop(*self._processed)
         await asyncio.sleep(FLUSHED_AFTER_S if self._boxes else 0.0)
         for computer in self._computers.values():
+            await computer.download()
             await computer.stop()
             await computer.fetch()
 

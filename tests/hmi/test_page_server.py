@@ -1,8 +1,10 @@
 """The page server on real sockets: access, and independence from slow pages."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import aiohttp
@@ -14,7 +16,7 @@ from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
 from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
 from onboard.hmi.settings import HmiSettings
-from onboard.settings import parse_settings
+from onboard.settings import SettingsError, parse_settings
 from tests.hmi.row import free_port
 
 TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
@@ -58,13 +60,14 @@ class Served:
 
 
 @asynccontextmanager
-async def served(**settings: object) -> AsyncIterator[Served]:
+async def served(recorded: Path | None = None, **settings: object) -> AsyncIterator[Served]:
     tree = {"port": free_port()} | settings
     pressed: list[None] = []
     server = PageServer(
         parse_settings(tree, HmiSettings, "hmi"),
         Metrics(frozenset()),
         lambda: pressed.append(None),
+        recorded,
     )
     await server.start()
     headers = {"Authorization": f"Bearer {settings['token']}"} if "token" in settings else {}
@@ -98,6 +101,50 @@ def test_other_paths_are_not_found(path: str) -> None:
             assert await it.status(path) == 404
 
     run(check())
+
+
+SEGMENT = "20260101T000000.000Z-0000.mcap"
+
+
+@pytest.fixture
+def black_box(tmp_path: Path) -> Path:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    (folder / SEGMENT).write_bytes(bytes(range(256)) * 1000)
+    (folder / "driver.json").write_text("{}")
+    (tmp_path / SEGMENT).write_text("of another folder")
+    return folder
+
+
+def test_recordings_are_served_to_the_token(black_box: Path) -> None:
+    async def check() -> None:
+        async with served(black_box, token=TOKEN, recordings=True) as it:
+            (listed,) = json.loads(await it.text("recording"))
+            assert (listed["name"], listed["size_bytes"]) == (SEGMENT, 256_000)
+            assert 0.0 <= listed["age_s"] < 60.0
+            async with it.session.get(f"{it.address}recording/{SEGMENT}") as answer:
+                assert answer.headers["X-Content-Type-Options"] == "nosniff"
+                assert await answer.read() == (black_box / SEGMENT).read_bytes()
+            for name in ("driver.json", f"../{SEGMENT}", f"..%2f{SEGMENT}", "x.mcap"):
+                assert await it.status(f"recording/{name}") == 404, name
+            without = {"Authorization": ""}
+            assert await it.status("recording", headers=without) == 401
+            assert await it.status(f"recording/{SEGMENT}", headers=without) == 401
+
+    run(check())
+
+
+def test_recordings_are_served_only_where_they_are_configured(black_box: Path) -> None:
+    async def check() -> None:
+        async with served(black_box, token=TOKEN) as it:
+            assert await it.status("recording") == 404
+            assert await it.status(f"recording/{SEGMENT}") == 404
+        async with served(None, token=TOKEN, recordings=True) as it:
+            assert await it.status("recording") == 404
+
+    run(check())
+    with pytest.raises(SettingsError, match="recordings needs a token"):
+        parse_settings({"recordings": True}, HmiSettings, "hmi")
 
 
 def test_the_page_refers_to_no_other_origin() -> None:

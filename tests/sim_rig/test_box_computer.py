@@ -1,12 +1,16 @@
 """The user's commands for a box: what they do, and what is said when they fail."""
 
 import asyncio
+import os
 from pathlib import Path
 
 import pytest
+from aiohttp import web
 
 from onboard.errors import UserError
 from sim_rig.boxes.box_computer import BoxComputer
+from tests.hmi.row import free_port
+from tests.hmi.test_page_server import TOKEN, served
 from tests.sim_rig.box_file import box
 
 
@@ -24,6 +28,7 @@ def test_a_file_without_commands_runs_none(tmp_path: Path) -> None:
         red = computer(tmp_path)
         await red.start()
         red.check()
+        await red.download()
         await red.stop()
         await red.fetch()
 
@@ -118,3 +123,73 @@ def test_what_a_command_leaves_in_the_background_is_not_waited_for(tmp_path: Pat
     asyncio.run(red.restore())
     pid = int(left.read_text())
     asyncio.run(computer(tmp_path, fetch=["kill", str(pid)]).fetch())
+
+
+def page_of(folder: Path, port: int, token: str = TOKEN) -> BoxComputer:
+    (folder / "token").write_text(f"{token}\n")
+    page = {"url": f"http://127.0.0.1:{port}", "token_file": str(folder / "token")}
+    return computer(folder, page=page)
+
+
+@pytest.fixture
+def black_box(tmp_path: Path) -> Path:
+    folder = tmp_path / "box"
+    folder.mkdir()
+    (folder / "20260101T000000.000Z-0001.mcap").write_bytes(b"of the run")
+    old = folder / "20260101T000000.000Z-0000.mcap"
+    old.write_bytes(b"older")
+    os.utime(old, (1.0, 1.0))
+    return folder
+
+
+def test_a_recording_is_copied_from_the_page_of_the_box(tmp_path: Path, black_box: Path) -> None:
+    async def copy() -> None:
+        async with served(black_box, token=TOKEN, recordings=True) as it:
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            await page_of(tmp_path, port).download()
+            with pytest.raises(UserError, match=r"red: page: .*/recording: 401 This is not"):
+                await page_of(tmp_path, port, "another-of-16-letters").download()
+
+    asyncio.run(copy())
+    (copied,) = (tmp_path / "new" / "drive").iterdir()
+    assert (copied.name, copied.read_bytes()) == ("20260101T000000.000Z-0001.mcap", b"of the run")
+
+
+def test_a_page_that_does_not_answer_is_named(tmp_path: Path) -> None:
+    red = page_of(tmp_path, free_port())
+    with pytest.raises(UserError, match=r"red: page: http://127.0.0.1:\d+/recording: "):
+        asyncio.run(red.download())
+    (tmp_path / "token").unlink()
+    with pytest.raises(UserError, match="No such file or directory"):
+        asyncio.run(red.download())
+
+
+@pytest.mark.parametrize(
+    ("listed", "mistake"),
+    [
+        ([{"name": "../evil.mcap", "age_s": 0.0}], "'../evil.mcap' is no name of a segment"),
+        ([{"name": "evil.sh", "age_s": 0.0}], "'evil.sh' is no name of a segment"),
+        ([{"name": "a.mcap"}], "no list of segments: KeyError"),
+        ({"a": 1}, "no list of segments: "),
+    ],
+)
+def test_a_box_cannot_write_elsewhere(tmp_path: Path, listed: object, mistake: str) -> None:
+    async def copy() -> None:
+        async def send(request: web.Request) -> web.Response:
+            return web.json_response(listed if request.path == "/recording" else {})
+
+        app = web.Application()
+        app.router.add_get("/{path:.*}", send)
+        runner = web.AppRunner(app)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        try:
+            await page_of(tmp_path, runner.addresses[0][1]).download()
+        finally:
+            await runner.cleanup()
+
+    with pytest.raises(UserError) as found:
+        asyncio.run(copy())
+    assert mistake in str(found.value)
+    assert list((tmp_path / "new" / "drive").iterdir()) == []

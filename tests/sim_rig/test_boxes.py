@@ -138,6 +138,11 @@ def test_a_power_cut_of_a_box_needs_its_commands(tmp_path: Path) -> None:
     [
         ({"stop": ["true"]}, "stop needs start, which it ends"),
         ({"recording": None, "fetch": ["true"]}, "fetch needs recording, which it fills"),
+        ({"page": {"url": "ftp://box", "token_file": "t"}}, "page.url: "),
+        (
+            {"page": {"url": "http://box", "token_file": "t"}, "fetch": ["true"]},
+            "at most one of fetch and page",
+        ),
         ({"power": {"cut": ["true"]}}, "power.restore: is required and missing"),
         ({"power": {"cut": [], "restore": ["true"]}}, "power.cut: "),
         ({"start": "ssh desk2"}, "start: "),

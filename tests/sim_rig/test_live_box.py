@@ -19,7 +19,7 @@ import yaml
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import compare
 from onboard.tools.doctor.finding import FindingLevel
-from sim_rig.boxes.settings import BoxSettings, PowerSettings, load_boxes
+from sim_rig.boxes.settings import BoxSettings, PageSettings, PowerSettings, load_boxes
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
 from sim_rig.processes.processes import ProcessError
@@ -30,6 +30,7 @@ from sim_rig.runs.doctor import examine_box
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario, load_scenario
+from tests.hmi.test_page_server import TOKEN
 
 pytestmark = pytest.mark.live
 
@@ -133,6 +134,7 @@ def configured(box: BoxSettings, scenario: Scenario, folder: Path) -> Path:
         },
         "security": {"keys_folder": str(box.keys / "red"), "plate_digest": DIGEST},
         "recorder": {"folder": str(folder / "drive")},
+        "hmi": {"port": free_port(socket.SOCK_STREAM), "token": TOKEN, "recordings": True},
     }
     file = folder / "car.yaml"
     file.write_text(yaml.safe_dump(config))
@@ -195,7 +197,8 @@ def test_a_box_that_the_rig_starts_and_whose_power_it_cuts_is_judged_over_both_s
     scenario = load_scenario("power-cut")
     process = tmp_path / "process"
     starts = f"echo $$ > {process}; exec {sys.executable} -m onboard run {tmp_path}/car.yaml"
-    commands = {
+    commands: dict[str, object] = {
+        "fetch": None,
         "start": ("sh", "-c", starts),
         "stop": ("sh", "-c", f"kill $(cat {process})"),
         "power": PowerSettings(
@@ -203,7 +206,10 @@ def test_a_box_that_the_rig_starts_and_whose_power_it_cuts_is_judged_over_both_s
             restore=("sh", "-c", f"sh -c '{starts}' 2> {tmp_path}/car.log &"),
         ),
     }
-    configured(box, scenario, tmp_path)
+    config = yaml.safe_load(configured(box, scenario, tmp_path).read_text())
+    (tmp_path / "token").write_text(TOKEN)
+    url = f"http://127.0.0.1:{config['hmi']['port']}"
+    commands["page"] = PageSettings(url=url, token_file=tmp_path / "token")
     log = run_with(
         box.model_copy(update=commands), scenario, tmp_path, box_is_on=False, virtual_others=True
     )
