@@ -5,9 +5,11 @@ A car of a scenario on another computer of the user's is such a box, started by 
 
 import asyncio
 import time
+from collections.abc import Awaitable
 from dataclasses import dataclass
 from pathlib import Path
 
+from onboard.errors import UserError
 from sim_rig.boxes.commands import failure, run_command, start_command
 from sim_rig.boxes.page_download import download
 from sim_rig.boxes.settings import BoxSettings
@@ -114,6 +116,22 @@ class BoxComputer:
             command = self._box.power.restore
             await run_command(f"{self._car}: power.restore", command, SWITCHED_WITHIN_S)
 
+    async def finish(self) -> str | None:
+        """Copy the recording, and end what was started.
+
+        Returns:
+            why there is no copy, as when the box is off; `None` if there is, or none is wanted.
+
+        Raises:
+            UserError: `stop` has failed.
+        """
+        if self._box.page is None:
+            await self.stop()
+            return await _failure_of(self.fetch())
+        why = await _failure_of(self.download())
+        await self.stop()
+        return why
+
     async def download(self) -> None:
         """Copy the recording from the page of the box, whose daemon must still run.
 
@@ -122,8 +140,7 @@ class BoxComputer:
         """
         if self._box.page is not None and self._box.recording is not None:
             age_s = time.monotonic() - self._began_s + _WRITTEN_BEFORE_S
-            what = f"{self._car}: page"
-            await download(what, self._box.page, self._box.recording, age_s, FETCHED_WITHIN_S)
+            await download("page", self._box.page, self._box.recording, age_s, FETCHED_WITHIN_S)
 
     async def fetch(self) -> None:
         """Run `fetch`.
@@ -133,4 +150,12 @@ class BoxComputer:
         """
         if self._box.fetch is not None and self._box.recording is not None:
             self._box.recording.parent.mkdir(parents=True, exist_ok=True)
-            await run_command(f"{self._car}: fetch", self._box.fetch, FETCHED_WITHIN_S)
+            await run_command("fetch", self._box.fetch, FETCHED_WITHIN_S)
+
+
+async def _failure_of(work: Awaitable[None]) -> str | None:
+    try:
+        await work
+    except UserError as error:
+        return str(error)
+    return None

@@ -12,7 +12,7 @@ async def run_command(what: str, command: Sequence[str], within_s: float) -> Non
     """Run a command without a shell; what it starts in the background may run on.
 
     Args:
-        what: car and setting, for the error.
+        what: the setting, and the car if needed, for the error.
         command: program and arguments.
         within_s: limit of its duration, s.
 

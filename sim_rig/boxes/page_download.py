@@ -16,7 +16,7 @@ async def download(
     """Copy the segments that the box has written lately.
 
     Args:
-        what: car and setting, for the error.
+        what: the setting, for the error.
         page: address and token.
         folder: where to copy them to; it is made.
         written_within_s: age of the oldest segment, s.

@@ -98,6 +98,8 @@ class LiveTestbench:
         others = [car for car in scenario.equipped if car not in boxes]
         self._virtual, self._processed = (others, []) if virtual_others else ([], others)
         self._computers = {car: BoxComputer(car, box, folder) for car, box in boxes.items()}
+        self._why_not_copied: dict[str, str | None] = {}
+        """For each box; `None` where there is a recording."""
         self._contacts = {car: Contact() for car in boxes}
         self._daemons = Daemons(scenario, seed, folder, self.processes)
         self._lateness = Lateness()
@@ -143,10 +145,8 @@ class LiveTestbench:
         self._lines = tuple(self._lateness.lines())
         await self.processes.stop(*self._processed)
         await asyncio.sleep(FLUSHED_AFTER_S if self._boxes else 0.0)
-        for computer in self._computers.values():
-            await computer.download()
-            await computer.stop()
-            await computer.fetch()
+        for car, computer in self._computers.items():
+            self._why_not_copied[car] = await computer.finish()
 
     async def _drive(self, end_s: float) -> None:
         """Let the daemons run until `end_s`, with the faults of their computers."""
@@ -208,6 +208,8 @@ class LiveTestbench:
     def _box_log(self, car: str, box: BoxSettings) -> BoxLog:
         if box.recording is None:
             return BoxLog(sent_messages(self.recorder.from_box[car]), (), None)
+        if (why := self._why_not_copied[car]) is not None:
+            return BoxLog((), (), why)
         return box_log(
             box.recording,
             FramesOfRun(

@@ -28,9 +28,7 @@ def test_a_file_without_commands_runs_none(tmp_path: Path) -> None:
         red = computer(tmp_path)
         await red.start()
         red.check()
-        await red.download()
-        await red.stop()
-        await red.fetch()
+        assert await red.finish() is None
 
     asyncio.run(use())
     assert list(tmp_path.iterdir()) == []
@@ -81,9 +79,9 @@ def test_a_start_that_returns_at_once_is_no_failure(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "mistake"),
     [
-        (["no-such-program"], "red: fetch: no-such-program: No such file or directory"),
-        (["false", "drive"], "red: fetch: false drive: exit code 1"),
-        (["ls", "/no/such"], "red: fetch: ls /no/such: exit code 2: ls: "),
+        (["no-such-program"], "fetch: no-such-program: No such file or directory"),
+        (["false", "drive"], "fetch: false drive: exit code 1"),
+        (["ls", "/no/such"], "fetch: ls /no/such: exit code 2: ls: "),
     ],
 )
 def test_a_recording_that_cannot_be_fetched_is_named(
@@ -92,6 +90,21 @@ def test_a_recording_that_cannot_be_fetched_is_named(
     with pytest.raises(UserError) as found:
         asyncio.run(computer(tmp_path, fetch=command).fetch())
     assert str(found.value).startswith(mistake)
+
+
+def test_what_was_started_is_ended_though_the_recording_cannot_be_copied(tmp_path: Path) -> None:
+    async def use(**copied: object) -> str | None:
+        red = computer(tmp_path, start=shell("exec sleep 60"), **copied)
+        await red.start()
+        started = red._started
+        assert started is not None
+        why = await red.finish()
+        assert started.returncode == -15
+        return why
+
+    page = {"url": "http://127.0.0.1:1", "token_file": str(tmp_path / "none")}
+    assert str(asyncio.run(use(page=page))).startswith("page: http://127.0.0.1:1/recording: ")
+    assert asyncio.run(use(fetch=["false"])) == "fetch: false: exit code 1"
 
 
 def test_power_is_cut_and_restored_at_times_that_are_noted(tmp_path: Path) -> None:
@@ -147,7 +160,7 @@ def test_a_recording_is_copied_from_the_page_of_the_box(tmp_path: Path, black_bo
         async with served(black_box, token=TOKEN, recordings=True) as it:
             port = int(it.address.rsplit(":", 1)[1].strip("/"))
             await page_of(tmp_path, port).download()
-            with pytest.raises(UserError, match=r"red: page: .*/recording: 401 This is not"):
+            with pytest.raises(UserError, match=r"page: .*/recording: 401 This is not"):
                 await page_of(tmp_path, port, "another-of-16-letters").download()
 
     asyncio.run(copy())
@@ -157,7 +170,7 @@ def test_a_recording_is_copied_from_the_page_of_the_box(tmp_path: Path, black_bo
 
 def test_a_page_that_does_not_answer_is_named(tmp_path: Path) -> None:
     red = page_of(tmp_path, free_port())
-    with pytest.raises(UserError, match=r"red: page: http://127.0.0.1:\d+/recording: "):
+    with pytest.raises(UserError, match=r"page: http://127.0.0.1:\d+/recording: "):
         asyncio.run(red.download())
     (tmp_path / "token").unlink()
     with pytest.raises(UserError, match="No such file or directory"):

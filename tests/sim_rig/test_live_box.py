@@ -260,3 +260,13 @@ def test_the_recording_of_another_drive_is_not_judged(
     assert "frames of the box are not in its recording" in log.unjudged["red"]
     found = verdict(brief, log)
     assert (found.outcome, found.failures) == (Outcome.INVALID, ())
+
+
+def test_a_box_whose_recording_cannot_be_fetched_is_not_judged(
+    box: BoxSettings, scenario: Scenario, tmp_path: Path
+) -> None:
+    off = box.model_copy(update={"fetch": ("false",)})
+    brief = scenario.model_copy(update={"duration_s": 1.0, "expect": scenario.expect[:1]})
+    log = run_with(off, brief, tmp_path)
+    assert log.unjudged == {"red": "fetch: false: exit code 1"}
+    assert verdict(brief, log).outcome is Outcome.INVALID
