@@ -116,17 +116,22 @@ def box_log(
     )
 
 
-def other_identity(records: Iterable[Record], own_ids: Collection[str]) -> str | None:
+def other_identity(
+    records: Iterable[Record], own_ids: Collection[str], start_s: float
+) -> str | None:
     """Return a sentence if a box sends under communication IDs that are not of its car.
 
     Args:
-        records: the trace of the box.
+        records: the trace of the box, whose drive may have begun long before the run.
         own_ids: the IDs of its car in the run, hex.
+        start_s: stamp of the start of the scenario, s.
     """
     sent = {
         record["content"]["sender_id"]
         for record in records
-        if record["kind"] == "sent" and "sender_id" in record["content"]
+        if record["kind"] == "sent"
+        and record["stamp_s"] >= start_s
+        and "sender_id" in record["content"]
     }
     if not sent or sent & set(own_ids):
         return None

@@ -179,7 +179,9 @@ class LiveTestbench:
         names = names_by_id(self._scenario, self.start_utc_s, time.time())
         why_not_judged = {
             car: box.why_not_judged
-            or other_identity(box.records, [each for each in names if names[each] == car])
+            or other_identity(
+                box.records, [each for each in names if names[each] == car], self.start_s
+            )
             for car, box in boxes.items()
         }
         return RunLog(
