@@ -42,6 +42,8 @@ class Comparison:
     """(M, N) whether the piece may belong to the vehicle."""
     cost: Array
     """(M, N) the higher, the less likely it belongs to the vehicle."""
+    squared: Array
+    """(M, N) d^2; infinite for pairs that were not compared."""
 
     def assign(self) -> dict[int, int]:
         """Return the vehicle of each piece that has one."""
@@ -66,7 +68,12 @@ class Comparison:
     def among(self, pieces: slice | None, allowed: NDArray[np.bool_]) -> "Comparison":
         """Return the rows `pieces` (all if `None`), inside gates only where `allowed` too."""
         rows = slice(None) if pieces is None else pieces
-        return Comparison(self.inside[rows] & allowed, self.cost[rows])
+        return Comparison(self.inside[rows] & allowed, self.cost[rows], self.squared[rows])
+
+    def narrowed(self, largest: Array) -> "Comparison":
+        """Return it with narrower gates: `largest` (M,) is the greatest d^2 inside each."""
+        inside = self.inside & (self.squared <= largest[:, None])
+        return Comparison(inside, self.cost, self.squared)
 
 
 def compare(
@@ -91,29 +98,12 @@ def compare(
     """
     if near is None:
         near = np.ones((len(evidence), len(vehicles)), np.bool_)
-    squared, log_det, variance = distances_of(near, evidence, vehicles, q)
+    rows, columns = np.nonzero(near)
+    squared, log_det, variance = np.full(near.shape, np.inf), *np.zeros((2, *near.shape))
+    squared[near], log_det[near], variance[near] = distances(evidence[rows], vehicles[columns], q)
     inside = squared <= gates(evidence[:, None], gate_probability)
     inside &= variance <= max_sigma_m**2
-    return Comparison(inside, squared + log_det)
-
-
-def distances_of(
-    pairs: NDArray[np.bool_], evidence: StateArrays, vehicles: StateArrays, q: float
-) -> tuple[Array, Array, Array]:
-    """Return `distances` (M, N) of some pairs; d^2 is infinite, the others 0, for all other pairs.
-
-    Args:
-        pairs: (M, N) which pairs.
-        evidence: M pieces.
-        vehicles: N states.
-        q: spectral density of the acceleration noise, m^2/s^3.
-    """
-    rows, columns = np.nonzero(pairs)
-    squared, log_det, variance = np.full(pairs.shape, np.inf), *np.zeros((2, *pairs.shape))
-    squared[pairs], log_det[pairs], variance[pairs] = distances(
-        evidence[rows], vehicles[columns], q
-    )
-    return squared, log_det, variance
+    return Comparison(inside, squared + log_det, squared)
 
 
 class UnassociatedEvidence:

@@ -19,9 +19,8 @@ from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.association import (
     OVERLAP_M,
     SPEED_SIGMA_M_S,
-    Comparison,
     UnassociatedEvidence,
-    distances_of,
+    compare,
 )
 from onboard.tracking.evidence import as_arrays
 from onboard.tracking.evidence_store import (
@@ -173,15 +172,14 @@ class Tracks:
         is_sensed = np.array([track.is_sensed for track in self._tracks], dtype=bool)
         may_match = (apart <= OVERLAP_M) | is_sensed
         may_match[:1] = True
-        squared, log_det, _ = distances_of(may_match, vehicles, tracked, q)
+        compared = compare(vehicles, tracked, GATE_PROBABILITY, q, near=may_match)
         variances = np.trace(vehicles.covariances[:2, :2])
-        agrees = squared <= gates(vehicles[:, None], GATE_PROBABILITY)
-        agrees &= (variances <= _LARGEST_EXPLAINING_VARIANCE)[:, None]
+        agrees = compared.inside & (variances <= _LARGEST_EXPLAINING_VARIANCE)[:, None]
         agrees |= ~is_sensed
         agrees[:1] = True
         apart[~agrees] = np.inf
-        may_match &= agrees & (squared <= gates(vehicles[:, None], _REMOTE_MATCH_PROBABILITY))
-        matched = Comparison(may_match, squared + log_det).assign()
+        narrow = compared.narrowed(gates(vehicles, _REMOTE_MATCH_PROBABILITY))
+        matched = narrow.among(None, agrees).assign()
         vehicle_of = {track: row for row, track in matched.items()}
         row_of = {temporary_id: row for row, temporary_id in enumerate(ids)}
         nearest_m = apart.min(axis=0, initial=np.inf).tolist()

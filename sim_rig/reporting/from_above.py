@@ -4,6 +4,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from onboard.errors import UserError
 from sim_rig.roads.crashes import Crash
 
 _PAGE = Path(__file__).with_name("from_above.html")
@@ -52,3 +53,9 @@ class Animation:
         """Write the page."""
         data = json.dumps(asdict(self), separators=(",", ":")).replace("<", "\\u003c")
         page.write_text(_PAGE.read_text("utf-8").replace("/*ANIMATION*/null", data), "utf-8")
+
+
+def check_is_file(page: Path) -> None:
+    """Raise `UserError` if a page cannot be written because `page` is a folder."""
+    if page.is_dir():
+        raise UserError(f"{page}: is a folder; name the file to write")

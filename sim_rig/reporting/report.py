@@ -1,7 +1,7 @@
 """Text report of a run: timeline, warnings, perceived objects, discarded messages, latencies."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 from rich import box
 from rich.console import Console
@@ -59,10 +59,16 @@ def print_verdict(judged: Verdict, count: int, console: Console) -> None:
         console.print(f"[green]PASSED[/green] {what} {count} expectations")
 
 
+def _empty_table(title: str, columns: Sequence[str], numbers: Collection[str]) -> Table:
+    """Return a table without rows; the columns that hold `numbers` are aligned to the right."""
+    table = Table(title=title, box=box.SIMPLE, title_justify="left")
+    for column in columns:
+        table.add_column(column, justify="right" if column in numbers else "left")
+    return table
+
+
 def _timeline(scenario: Scenario, log: RunLog) -> Table:
-    table = Table(title="Timeline", box=box.SIMPLE, title_justify="left")
-    for column, justify in (("s", "right"), ("car", "left"), ("what", "left")):
-        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    table = _empty_table("Timeline", ("s", "car", "what"), numbers={"s"})
     entries = [
         (_reported_at_s(log, record), car, _description(log, car, record))
         for car, records in log.traces.items()
@@ -126,12 +132,8 @@ def _alarm(log: RunLog, car: str, alarm: Record) -> str:
 
 def _perceived(log: RunLog, duration_s: float) -> Table:
     """Table of the cars that each car perceived: source, interval, and largest position error."""
-    table = Table(title="Perceived objects", box=box.SIMPLE, title_justify="left")
-    for column, justify in (
-        ("host", "left"), ("car", "left"), ("source", "left"), ("from s", "right"),
-        ("until s", "right"), ("largest error m", "right"),
-    ):  # fmt: skip
-        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    numbers = ("from s", "until s", "largest error m")
+    table = _empty_table("Perceived objects", ("host", "car", "source", *numbers), numbers)
     for car in log.traces:
         found: dict[tuple[str, str], list[MatchedObject]] = {}
         for snapshot in perceived_objects(log, car, 0.0, duration_s):
@@ -153,9 +155,8 @@ def _perceived(log: RunLog, duration_s: float) -> Table:
 
 def _warnings(log: RunLog) -> Table:
     """Table of the brakings; delays count from the sample that confirms the braking."""
-    table = Table(title="Warnings", box=box.SIMPLE, title_justify="left")
-    for column in ("s", "braking", "warned (after ms, over hops)"):
-        table.add_column(column, justify="right" if column == "s" else "left")
+    columns = ("s", "braking", "warned (after ms, over hops)")
+    table = _empty_table("Warnings", columns, numbers={"s"})
     for braking in log.traces:
         for brake in log.brakings(braking):
             at_s = log.at_s(brake)
@@ -173,9 +174,8 @@ def _warned(log: RunLog, braking: str, at_s: float) -> Iterator[str]:
 
 
 def _discards(log: RunLog) -> Table:
-    table = Table(title="Discarded messages", box=box.SIMPLE, title_justify="left")
-    for column in ("car", "component", "reason", "times"):
-        table.add_column(column, justify="right" if column == "times" else "left")
+    columns = ("car", "component", "reason", "times")
+    table = _empty_table("Discarded messages", columns, numbers={"times"})
     for car, records in log.traces.items():
         counted = Counter(
             (record["component"], record["reason"])
@@ -188,9 +188,8 @@ def _discards(log: RunLog) -> Table:
 
 
 def _ledger(log: RunLog) -> Table:
-    table = Table(title="Latency ledger", box=box.SIMPLE, title_justify="left")
-    for column in ("hop", "n", "p50 ms", "p99 ms"):
-        table.add_column(column, justify="left" if column == "hop" else "right")
+    numbers = ("n", "p50 ms", "p99 ms")
+    table = _empty_table("Latency ledger", ("hop", *numbers), numbers)
     for line in ledger(log):
         table.add_row(line.hop, str(line.n), f"{line.p50_s * 1e3:.2f}", f"{line.p99_s * 1e3:.2f}")
     return table
@@ -198,12 +197,8 @@ def _ledger(log: RunLog) -> Table:
 
 def _clocks(log: RunLog) -> Table:
     """Table of the boxes' clocks, to which their times and ledger lines are true."""
-    table = Table(title="Clocks of the boxes", box=box.SIMPLE, title_justify="left")
-    for column, justify in (
-        ("car", "left"), ("rig - box s", "right"), ("+- ms", "right"), ("frames from", "right"),
-        ("to it", "right"),
-    ):  # fmt: skip
-        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    numbers = ("rig - box s", "+- ms", "frames from", "to it")
+    table = _empty_table("Clocks of the boxes", ("car", *numbers), numbers)
     of_cars = ((car, clock) for car, clocks in log.clocks.items() for clock in clocks)
     for car, clock in of_cars:
         table.add_row(
@@ -217,9 +212,8 @@ def _clocks(log: RunLog) -> Table:
 
 
 def _lateness(log: RunLog) -> Table:
-    table = Table(title="Lateness of the rig", box=box.SIMPLE, title_justify="left")
-    for column in ("what", "n", "p50 ms", "p99 ms", "limit ms", "missed"):
-        table.add_column(column, justify="left" if column == "what" else "right")
+    numbers = ("n", "p50 ms", "p99 ms", "limit ms", "missed")
+    table = _empty_table("Lateness of the rig", ("what", *numbers), numbers)
     for line in log.lateness:
         table.add_row(
             line.what,

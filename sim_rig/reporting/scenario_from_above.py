@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from onboard.errors import UserError
-from sim_rig.reporting.from_above import Animation, MapFrame
+from sim_rig.reporting.from_above import Animation, MapFrame, check_is_file
 from sim_rig.run_log.ground_truth import match_object, perceived_objects
 from sim_rig.run_log.run_log import Record, RunLog, read_trace
 
@@ -26,8 +26,7 @@ def show_scenario(folder: Path, page: Path) -> str:
     Raises:
         UserError: the folder holds no such run, a trace cannot be read, or `page` is a folder.
     """
-    if page.is_dir():
-        raise UserError(f"{page}: is a folder; name the file to write")
+    check_is_file(page)
     animation = animate(_read(folder))
     animation.title = folder.name
     animation.write(page)

@@ -180,11 +180,7 @@ def figure9(
     Returns:
         The reduction of crashes by MVS, as a sentence.
     """
-    settings = _with_available_scenes(settings or CollisionSettings())
-    rows = _all_runs(out_dir, settings, workers)
-    table = _table(settings, rows)
-    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
-    return _summary(settings, table, rows)
+    return _summary(*_results(out_dir, settings or CollisionSettings(), workers))
 
 
 def figure3(
@@ -200,10 +196,7 @@ def figure3(
     Returns:
         The collision probabilities without radios and at the largest share, as a sentence.
     """
-    settings = _with_available_scenes(settings or Figure3Settings())
-    rows = _all_runs(out_dir, settings, workers)
-    table = _table(settings, rows)
-    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
+    _, table, _ = _results(out_dir, settings or Figure3Settings(), workers)
     first, last = table[0], table[-1]
     return (
         f"P(collision) {first.p_collision:.2f} without radios,"
@@ -217,14 +210,17 @@ def with_available_scenes(encounter: EncounterSettings) -> EncounterSettings:
     return encounter.model_copy(update={"scenes": tuple(scenes)})
 
 
-def _with_available_scenes(settings: CollisionSettings) -> CollisionSettings:
+def _results(
+    out_dir: Path, settings: CollisionSettings, workers: Workers | None
+) -> tuple[CollisionSettings, list["_Line"], list[Row]]:
+    """Run the campaign; return and write its settings, as used, its table and its runs."""
     encounter = with_available_scenes(settings.encounter)
-    return settings.model_copy(update={"encounter": encounter})
-
-
-def _all_runs(out_dir: Path, settings: CollisionSettings, workers: Workers | None) -> list[Row]:
+    settings = settings.model_copy(update={"encounter": encounter})
     numbers = range(len(cases(settings)) * settings.runs)
-    return run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+    table = _table(settings, rows)
+    write_results(out_dir, _Line._fields, table, settings, _draw(settings, table))
+    return settings, table, rows
 
 
 class _Line(NamedTuple):
@@ -293,17 +289,13 @@ def _line(key: _Key, mine: list[Row], by_case: dict[_Key, list[Row]]) -> _Line:
     kind, method, share, entries, loss = key
     before = {_event(row): row for row in by_case[kind, Method.NONE.value, 0.0, 10, 0.0]}
     events, crashes = len(before), sum(row["crash"] for row in before.values())
-    fewer = dict.fromkeys(before, 0.0)
-    for row in mine:
-        fewer[_event(row)] += row["weight"] * (before[_event(row)]["crash"] - row["crash"])
-    avoided, caused = changed(before.values(), mine)
+    avoided, caused, fewer = changed(before.values(), mine)
     clusters = [row["pair"] or event for event, row in before.items()]
     crashed = [float(row["crash"]) for row in before.values()]
-    less = list(fewer.values())
     low, high = cluster_interval(
-        clusters, [a - b for a, b in zip(crashed, less, strict=True)], [1.0] * events
+        clusters, [a - b for a, b in zip(crashed, fewer, strict=True)], [1.0] * events
     )
-    reduction_low, reduction_high = cluster_interval(clusters, less, crashed)
+    reduction_low, reduction_high = cluster_interval(clusters, fewer, crashed)
     run = [row for row in mine if "driven_s" in row]
     hours = sum(row["weight"] * row["driven_s"] for row in run) / 3600.0
 
@@ -377,12 +369,30 @@ def _event(row: Row) -> tuple[str, int]:
     return str(row.get("event", row["kind"])), int(row["seed"])
 
 
-def changed(before: Iterable[Row], after: Iterable[Row]) -> tuple[float, float]:
-    """Crashes that only `before` has, and those that only `after` has, compared seed by seed."""
+class Change(NamedTuple):
+    """Expected numbers of crashes by which radios change the events."""
+
+    avoided: float
+    """Crashes of events without radios that end in none with them."""
+    caused: float
+    """The other way round."""
+    fewer: list[float]
+    """By event without radios: how many crashes fewer it ends in."""
+
+
+def changed(before: Iterable[Row], after: Iterable[Row]) -> Change:
+    """Compare the crashes with and without radios seed by seed."""
     crashed = {_event(row): row["crash"] for row in before}
-    pairs = [(crashed[_event(row)], row["crash"], row["weight"]) for row in after]
-    avoided = sum(weight for a, b, weight in pairs if a and not b)
-    return avoided, sum(weight for a, b, weight in pairs if b and not a)
+    fewer = dict.fromkeys(crashed, 0.0)
+    avoided = caused = 0.0
+    for row in after:
+        event, weight = _event(row), row["weight"]
+        fewer[event] += weight * (crashed[event] - row["crash"])
+        if crashed[event] and not row["crash"]:
+            avoided += weight
+        elif row["crash"] and not crashed[event]:
+            caused += weight
+    return Change(avoided, caused, list(fewer.values()))
 
 
 def _summary(settings: CollisionSettings, table: Sequence[_Line], rows: Sequence[Row]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
-from sim_rig.reporting.from_above import Animation, MapFrame
+from sim_rig.reporting.from_above import Animation, MapFrame, check_is_file
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
@@ -145,8 +145,7 @@ def show_run(folder: Path, number: int, page: Path) -> str:
     """
     settings = _settings_of(folder / "runs" / "campaign.yaml")
     row = _row_of(folder, number)
-    if page.is_dir():
-        raise UserError(f"{page}: is a folder; name the file to write")
+    check_is_file(page)
     case, seed = case_of(settings, number)
     animation = _animation(encounters(settings.encounter), case, seed)
     animation.title = _title(number, case)

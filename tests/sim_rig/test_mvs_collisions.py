@@ -41,9 +41,9 @@ def test_crashes_are_compared_seed_by_seed() -> None:
             {"kind": "k", "seed": seed, "crash": c, "weight": 1} for seed, c in enumerate(crashes)
         ]
 
-    assert changed(rows(True, True, False), rows(False, True, True)) == (1, 1)
+    assert changed(rows(True, True, False), rows(False, True, True)) == (1, 1, [1, 0, -1])
     brakes, lights = rows(True), [row | {"event": "other"} for row in rows(False)]
-    assert changed([*brakes, *lights], [*brakes, *lights]) == (0, 0)
+    assert changed([*brakes, *lights], [*brakes, *lights]) == (0, 0, [0, 0])
 
 
 @pytest.mark.long
