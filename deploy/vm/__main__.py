@@ -44,7 +44,7 @@ CAR = {
     "car": {"plate": "TAG2"},
     "can": {"interface": "socketcan", "channel": "vcan0"},
     "obd": {"polling_hz": 10.0},
-    "camera": {"source": "http://127.0.0.1:8081/", **VIEW},
+    "camera": {"source": "http://127.0.0.1:8081/car", **VIEW},
     "vision": {"plates": False, "tag_side_m": TAG_M},
     "gnss": {},
     "radio": {"endpoint": "iwcu", "listen_port": 5398, "unit_port": 5399},

@@ -1,44 +1,49 @@
-"""Runs in the guest: an ECU on its bus, a camera, a GNSS receiver for gpsd, and the lead vehicle.
+"""Runs in the guest: the rig's ends of the box's wires, and the lead vehicle on commands.
 
-The bus is vcan0, or a socketcand server where the kernel has no CAN. The lead vehicle is the whole
-stack of another car behind a radio unit on UDP. The rig accepts commands on UDP: `brake`; `radio
-off` and `radio on` for the power of the unit; `bus off` and `bus on` for the server.
+The bus is vcan0, or a socketcand server where the kernel has no CAN. The rig accepts commands on
+UDP: `brake`; `radio off` and `radio on` for the power of the radio units; `bus off` and `bus on`
+for the server.
 
     python rig.py IMAGES KEYS (vcan | socketcand)
 """
 
 import asyncio
 import math
-import socket
 import sys
 import time
-from collections.abc import Callable
-from datetime import UTC, datetime
-from functools import reduce
-from operator import xor
 from pathlib import Path
 
 import numpy as np
+from typing_extensions import override
 
 from onboard.config import CarConfig
-from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.settings import CanSettings
 from onboard.observations import Speed
 from onboard.security.key_files import read_credentials
 from onboard.settings import parse_settings
 from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.units import KM_H
+from sim_rig.cars.can_interface import CanInterface
+from sim_rig.cars.device_line import DeviceLine, UdpLine
 from sim_rig.cars.ecu import Ecu
+from sim_rig.cars.gnss_receiver import GnssReceiver
+from sim_rig.cars.mjpeg_server import MjpegServer
 from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.radio.air import Delivery
+from sim_rig.radio.iwcu import RadioUnits
+from sim_rig.roads.road import CarState
+from sim_rig.run_log.rig_recorder import RigRecorder
+from sim_rig.scenario.sensor_settings import ReceiverSettings
+from sim_rig.scenario.wire_settings import LOOPBACK, RadioWire
 
 SPEED_M_S = 54 * KM_H
 CAMERA_PORT, CAMERA_FPS = 8081, 4.0
-UNIT_PORT, CAR_PORT = 5399, 5398
+RADIO = RadioWire(port=5399, box_port=5398)
 NMEA_PORT, NMEA_HZ = 5000, 2.0
 COMMAND_PORT = 5397
 SOCKETCAND_PORT = 29536
+BOX, LEAD = "car", "ahead"
 LEAD_VEHICLE = {
     "car": {"plate": "TAG1"},
     "beacons": False,
@@ -48,26 +53,10 @@ STEP_S = 0.05
 """Step of the lead vehicle while it receives nothing."""
 
 
-class VirtualBus:
-    """An ECU on vcan0, which continues after the interface was down."""
-
-    def __init__(self) -> None:
-        """Open the bus."""
-        self._loop = asyncio.get_running_loop()
-        self._ecu = Ecu(lambda _now: SPEED_M_S)
-        can = CanSettings(interface="socketcan", channel="vcan0")
-        self._bus = CanBus(can, self._receive, lambda _up, _why: None)
-        self._bus.start(self._loop)
-
-    def _receive(self, frame: CanFrame) -> None:
-        self._ecu.receive_frame(frame, self._loop.time())
-        at = self._ecu.get_timer()
-        if at < math.inf:
-            self._loop.call_at(at, self._answer)
-
-    def _answer(self) -> None:
-        for frame in self._ecu.frames_to_send(self._loop.time()):
-            self._bus.send(frame)
+def state_at(now: float) -> CarState:
+    """State of the box's car, which drives north."""
+    driven_m = now * SPEED_M_S % 10_000.0
+    return CarState(0.0, driven_m, 0.0, 0.0, driven_m, SPEED_M_S, 0.0, 4.5, 1.8, 1.5)
 
 
 class ServedBus:
@@ -81,69 +70,54 @@ class ServedBus:
         """Start (`on`) or stop (`off`) the server."""
         if self._server is not None:
             await self._server.close()
+            self._server = None
         if state == "on":
-            ecu = Ecu(lambda _now: SPEED_M_S)
-            self._server = SocketcandServer(ecu, "can0", lambda _frame: None)
+            self._server = SocketcandServer(ecu(), "can0", ignore)
             await self._server.start(SOCKETCAND_PORT)
 
 
-async def serve_camera(folder: Path) -> asyncio.Server:
-    """Serve the images of `folder` as MJPEG, in a loop."""
-    jpegs = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
-
-    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await reader.readuntil(b"\r\n\r\n")
-        writer.write(
-            b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=image\r\n\r\n"
-        )
-        number = 0
-        while not writer.is_closing():
-            jpeg = jpegs[number % len(jpegs)]
-            head = f"--image\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-            writer.write(head.encode() + jpeg + b"\r\n")
-            number += 1
-            await asyncio.sleep(1 / CAMERA_FPS)
-
-    return await asyncio.start_server(serve, "127.0.0.1", CAMERA_PORT)
+def ecu() -> Ecu:
+    """Return the ECU of the box's car."""
+    return Ecu(lambda now: state_at(now).speed_m_s)
 
 
-async def drive_receiver() -> None:
-    """Send the sentences of a receiver that moves north to gpsd by UDP."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
-        began_s = time.monotonic()
-        while True:
-            latitude = 52.0 + (time.monotonic() - began_s) * SPEED_M_S / 111_000
-            wire.sendto(sentences(latitude, datetime.now(UTC)), ("127.0.0.1", NMEA_PORT))
-            await asyncio.sleep(1 / NMEA_HZ)
+def ignore(_frame: CanFrame) -> None:
+    """Take a frame of the ECU."""
 
 
-def sentences(latitude: float, utc: datetime) -> bytes:
-    """RMC and GGA of one fix."""
-    clock = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02}"
-    position = f"52{(latitude - 52) * 60:08.5f},N"
-    knots = SPEED_M_S / 0.514444
-    return b"".join(
-        f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode()
-        for body in (
-            f"GPRMC,{clock},A,{position},00500.00000,E,{knots:.1f},0.0,{utc:%d%m%y},,,A",
-            f"GPGGA,{clock},{position},00500.00000,E,1,09,1.0,10.0,M,45.0,M,,",
-        )
-    )
+class SwitchedAir:
+    """A channel on which each frame reaches the other car at once, while the units have power."""
 
+    def __init__(self) -> None:
+        """Begin with the units on."""
+        self._is_on = True
+        self._arrived: list[Delivery] = []
 
-def udp_socket(port: int, receive: Callable[[bytes], None]) -> socket.socket:
-    """Open a port of localhost, and pass each datagram to `receive`."""
-    wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    wire.bind(("127.0.0.1", port))
-    asyncio.get_running_loop().add_reader(wire, lambda: receive(wire.recv(65535)))
-    return wire
+    def switch(self, state: str) -> None:
+        """Switch the units `on` or `off`."""
+        self._is_on = state == "on"
+
+    def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
+        """See `Air`."""
+        if self._is_on:
+            receiver = LEAD if sender == BOX else BOX
+            self._arrived.append(Delivery(now, 0, sender, receiver, user_priority, wsm))
+
+    def wsms_to_deliver(self, _now: float) -> list[Delivery]:
+        """See `Air`."""
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def get_timer(self) -> float:
+        """See `Air`."""
+        return self._arrived[0].at_s if self._arrived else math.inf
 
 
 class LeadVehicle:
-    """The cores of the lead vehicle behind a radio unit, connected to the daemon by datagrams."""
+    """The cores of the lead vehicle, with a radio unit."""
 
-    def __init__(self, keys: Path) -> None:
-        """Start the cores, with the radio unit on."""
+    def __init__(self, keys: Path, units: RadioUnits) -> None:
+        """Start the cores."""
         self._stack = Stack(
             parse_settings(LEAD_VEHICLE, CarConfig, "rig"),
             (),
@@ -152,68 +126,83 @@ class LeadVehicle:
             utc_s=time.time(),
             credentials=read_credentials(keys),
         )
-        self._is_on = True
-        self._unit = udp_socket(UNIT_PORT, self._receive)
-
-    def _receive(self, data: bytes) -> None:
-        """Receive a WSM that the daemon sends through its radio unit."""
-        if self._is_on:
-            self._step(ReceivedWsm(time.monotonic(), data))
+        self._units = units
+        units.add_in_process(LEAD, lambda wsm: self._step(ReceivedWsm(time.monotonic(), wsm)))
 
     def brake(self) -> None:
         """Brake hard, by the brake button."""
         self._step(BrakeButton(time.monotonic()))
 
-    def switch(self, state: str) -> None:
-        """Switch the radio unit `on` or `off`."""
-        self._is_on = state == "on"
-
     async def drive(self) -> None:
         """Drive straight on until cancelled."""
         while True:
-            now = time.monotonic()
-            self._step(Speed(now, SPEED_M_S, 0.1, "rig"))
+            self._step(Speed(time.monotonic(), SPEED_M_S, 0.1, "rig"))
             await asyncio.sleep(STEP_S)
 
     def _step(self, *inputs: Input) -> None:
         for wsm in self._stack.step(inputs, time.monotonic(), time.time()).wsms:
-            if self._is_on:
-                self._unit.sendto(wsm.data, ("127.0.0.1", CAR_PORT))
+            self._units.transmit(LEAD, wsm.data, wsm.user_priority)
 
 
-async def main(images: Path, keys: Path, bus: str) -> None:
+def camera(folder: Path) -> MjpegServer:
+    """Return a server of the images of `folder`, in a loop."""
+    jpegs = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
+    return MjpegServer({BOX: lambda now: jpegs[int(now * CAMERA_FPS) % len(jpegs)]}, CAMERA_FPS)
+
+
+def receiver() -> GnssReceiver:
+    """Return the GNSS receiver of the box's car."""
+    seeds = np.random.SeedSequence(1).spawn(2)
+    own_rng, shared_rng = map(np.random.default_rng, seeds)
+    settings = ReceiverSettings(rate_hz=NMEA_HZ)
+    return GnssReceiver(settings, state_at, time.time() - time.monotonic(), own_rng, shared_rng)
+
+
+class Commands(asyncio.DatagramProtocol):
+    """Obeys the commands, and prints each with the time at which it came."""
+
+    def __init__(self, lead: LeadVehicle, air: SwitchedAir, bus: ServedBus) -> None:
+        """Control these."""
+        self._lead, self._air, self._bus = lead, air, bus
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @override
+    def datagram_received(self, data: bytes, addr: object) -> None:
+        now = time.monotonic()
+        command = data.decode().split()
+        match command:
+            case ["brake"]:
+                self._lead.brake()
+            case ["radio", state]:
+                self._air.switch(state)
+            case ["bus", state]:
+                self._tasks.add(asyncio.create_task(self._bus.switch(state)))
+        print(f"{now:.4f} {' '.join(command)}", flush=True)
+
+
+async def main(images: Path, keys: Path, kind: str) -> None:
     """Run all parts until the process is ended.
 
     Args:
         images: folder of the camera's images.
         keys: folder of the lead vehicle's credentials.
-        bus: `vcan` or `socketcand`.
+        kind: of the bus: `vcan` or `socketcand`.
     """
-    lead = LeadVehicle(keys)
-    camera = await serve_camera(images)
-    served = ServedBus()
-    if bus == "socketcand":
-        await served.switch("on")
+    air, bus = SwitchedAir(), ServedBus()
+    units = RadioUnits(air, RigRecorder())
+    units.add(BOX, RADIO)
+    lead = LeadVehicle(keys, units)
+    if kind == "socketcand":
+        await bus.switch("on")
     else:
-        VirtualBus()
-    tasks = set()
-
-    def receive_command(data: bytes) -> None:
-        now = time.monotonic()
-        command = data.decode().split()
-        match command:
-            case ["brake"]:
-                lead.brake()
-            case ["radio", state]:
-                lead.switch(state)
-            case ["bus", state]:
-                tasks.add(asyncio.create_task(served.switch(state)))
-        print(f"{now:.4f} {' '.join(command)}", flush=True)
-
-    udp_socket(COMMAND_PORT, receive_command)
+        CanInterface(ecu(), "vcan0")
+    DeviceLine(receiver(), UdpLine(LOOPBACK, NMEA_PORT))
+    await camera(images).start([(str(LOOPBACK), CAMERA_PORT)])
+    await asyncio.get_running_loop().create_datagram_endpoint(
+        lambda: Commands(lead, air, bus), (str(LOOPBACK), COMMAND_PORT)
+    )
     print("ready", flush=True)
-    async with camera:
-        await asyncio.gather(drive_receiver(), lead.drive())
+    await lead.drive()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,4 @@
-"""The cameras of a run, as MJPEG over HTTP: `http://127.0.0.1:PORT/CAR`.
-
-`/CAR/copy` repeats the images that the daemon gets, without rendering them again.
+"""The cameras of a run, at `http://127.0.0.1:PORT/CAR` (`mjpeg_server.py`).
 
 Runs as a process of its own, so that rendering does not delay the radio. It prints its port, and
 then for each image `CAR LATE_S`: how late it left, in s. It reads lines of JSON from standard
@@ -14,23 +12,20 @@ import asyncio
 import contextlib
 import json
 import sys
-import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from aiohttp import web
 
-from onboard.hmi.feed import Feed
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_view import FPS, CameraView, calibration
+from sim_rig.cars.mjpeg_server import MjpegServer
 from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
 
-_BOUNDARY = "picture"
 _JPEG_QUALITY = 90
 
 
@@ -81,27 +76,18 @@ class CameraServer:
             seed: seed of all random numbers.
             on_sent: called after each image with its car and its lateness, s.
         """
-        self._on_sent = on_sent
         self.road = BreakpointRoad(scenario)
+        self.start_s: float | None = None
         seeds = np.random.SeedSequence(seed).spawn(len(scenario.equipped))
-        self._cameras = {
-            car: Camera(scenario, self.road, car, seed)
+        cameras = {
+            car: partial(self._jpeg, Camera(scenario, self.road, car, seed))
             for car, seed in zip(scenario.equipped, seeds, strict=True)
         }
-        self._taken: dict[str, Feed[bytes]] = {car: Feed() for car in self._cameras}
-        self.start_s: float | None = None
-        self._painter = ThreadPoolExecutor(max_workers=1)
+        self._server = MjpegServer(cameras, FPS, on_sent)
 
     async def start(self, addresses: Sequence[tuple[str, int]] = ()) -> int:
         """Listen on 127.0.0.1 and at further `addresses`, and return the port of the former."""
-        app = web.Application()
-        app.router.add_get("/{car}", self._stream)
-        app.router.add_get("/{car}/copy", self._copy)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
-        await self._runner.setup()
-        for host, port in (("127.0.0.1", 0), *addresses):
-            await web.TCPSite(self._runner, host, port).start()
-        return int(self._runner.addresses[0][1])
+        return await self._server.start([("127.0.0.1", 0), *addresses])
 
     def receive_line(self, line: str) -> None:
         """Take a line of the testbench; see the docstring of this module."""
@@ -113,56 +99,16 @@ class CameraServer:
 
     async def close(self) -> None:
         """End all streams."""
-        await self._runner.cleanup()
-        self._painter.shutdown(cancel_futures=True)
+        await self._server.close()
 
-    async def _stream(self, request: web.Request) -> web.StreamResponse:
-        car, response = await self._answer(request)
-        # Cameras are staggered over a frame interval, to spread the load.
-        next_at = time.monotonic() + list(self._cameras).index(car) / FPS / len(self._cameras)
-        loop = asyncio.get_running_loop()
-        while not (request.transport is None or request.transport.is_closing()):
-            await asyncio.sleep(next_at - time.monotonic())
-            at_s = 0.0 if self.start_s is None else max(0.0, time.monotonic() - self.start_s)
-            jpeg = await loop.run_in_executor(self._painter, self._cameras[car].jpeg, at_s)
-            self._taken[car].publish(jpeg)
-            try:
-                await response.write(_part(jpeg))
-            except ConnectionError:
-                break
-            self._on_sent(car, time.monotonic() - next_at)
-            next_at = max(next_at + 1 / FPS, time.monotonic())
-        return response
-
-    async def _copy(self, request: web.Request) -> web.StreamResponse:
-        car, response = await self._answer(request)
-        number, taken = self._taken[car].number, self._taken[car]
-        with contextlib.suppress(ConnectionError):
-            while True:
-                number, jpeg = await taken.after(number)
-                await response.write(_part(jpeg))
-        return response
-
-    async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
-        car = request.match_info["car"]
-        if car not in self._cameras:
-            raise web.HTTPNotFound
-        response = web.StreamResponse(
-            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
-        )
-        await response.prepare(request)
-        return car, response
+    def _jpeg(self, camera: Camera, now: float) -> bytes:
+        return camera.jpeg(0.0 if self.start_s is None else max(0.0, now - self.start_s))
 
 
 def as_jpeg(image: npt.NDArray[np.uint8]) -> bytes:
     """Encode an image as the rig's cameras do."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     return data.tobytes()
-
-
-def _part(jpeg: bytes) -> bytes:
-    head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-    return head.encode() + jpeg + b"\r\n"
 
 
 async def serve(scenario: Scenario, seed: int, addresses: Sequence[tuple[str, int]]) -> None:

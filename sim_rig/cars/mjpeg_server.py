@@ -1,0 +1,98 @@
+"""Images of cameras as MJPEG over HTTP: `http://HOST:PORT/CAR`.
+
+`/CAR/copy` repeats the images that the daemon gets, without making them again.
+"""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+
+from aiohttp import web
+
+from onboard.hmi.feed import Feed
+
+_BOUNDARY = "picture"
+
+
+class MjpegServer:
+    """Serves one camera for each car."""
+
+    def __init__(
+        self,
+        jpegs: Mapping[str, Callable[[float], bytes]],
+        fps: float,
+        on_sent: Callable[[str, float], None] = lambda _car, _late_s: None,
+    ) -> None:
+        """Prepare the cameras.
+
+        Args:
+            jpegs: by car: returns its image at a `now`; called in one other thread.
+            fps: rate of the images.
+            on_sent: called after each image with its car and its lateness, s.
+        """
+        self._jpegs = jpegs
+        self._interval_s = 1 / fps
+        self._on_sent = on_sent
+        self._taken: dict[str, Feed[bytes]] = {car: Feed() for car in jpegs}
+        self._painter = ThreadPoolExecutor(max_workers=1)
+
+    async def start(self, addresses: Iterable[tuple[str, int]]) -> int:
+        """Listen at `addresses`, host and port (0: any), and return the port of the first."""
+        app = web.Application()
+        app.router.add_get("/{car}", self._stream)
+        app.router.add_get("/{car}/copy", self._copy)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
+        await self._runner.setup()
+        for host, port in addresses:
+            await web.TCPSite(self._runner, host, port).start()
+        return int(self._runner.addresses[0][1])
+
+    async def close(self) -> None:
+        """End all streams."""
+        await self._runner.cleanup()
+        self._painter.shutdown(cancel_futures=True)
+
+    async def _stream(self, request: web.Request) -> web.StreamResponse:
+        car, response = await self._answer(request)
+        # Cameras are staggered over a frame interval, to spread the load.
+        stagger = list(self._jpegs).index(car) / len(self._jpegs)
+        next_at = time.monotonic() + stagger * self._interval_s
+        loop = asyncio.get_running_loop()
+        while not (request.transport is None or request.transport.is_closing()):
+            await asyncio.sleep(next_at - time.monotonic())
+            now = time.monotonic()
+            jpeg = await loop.run_in_executor(self._painter, self._jpegs[car], now)
+            self._taken[car].publish(jpeg)
+            try:
+                await response.write(_part(jpeg))
+            except ConnectionError:
+                break
+            self._on_sent(car, time.monotonic() - next_at)
+            next_at = max(next_at + self._interval_s, time.monotonic())
+        return response
+
+    async def _copy(self, request: web.Request) -> web.StreamResponse:
+        car, response = await self._answer(request)
+        number, taken = self._taken[car].number, self._taken[car]
+        with contextlib.suppress(ConnectionError):
+            while True:
+                number, jpeg = await taken.after(number)
+                await response.write(_part(jpeg))
+        return response
+
+    async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
+        car = request.match_info["car"]
+        if car not in self._jpegs:
+            raise web.HTTPNotFound
+        response = web.StreamResponse(
+            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
+        )
+        await response.prepare(request)
+        return car, response
+
+
+def _part(jpeg: bytes) -> bytes:
+    head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+    return head.encode() + jpeg + b"\r\n"
