@@ -83,7 +83,8 @@ class CameraServer:
             car: partial(self._jpeg, Camera(scenario, self.road, car, seed))
             for car, seed in zip(scenario.equipped, seeds, strict=True)
         }
-        self._server = MjpegServer(cameras, FPS, on_sent)
+        lens_widths = scenario.lens.focal_px / scenario.lens.width_px
+        self._server = MjpegServer(cameras, FPS, on_sent, lens_widths)
 
     async def start(self, addresses: Sequence[tuple[str, int]] = ()) -> int:
         """Listen on 127.0.0.1 and at further `addresses`, and return the port of the former."""

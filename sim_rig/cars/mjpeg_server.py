@@ -1,6 +1,7 @@
 """Images of cameras as MJPEG over HTTP: `http://HOST:PORT/CAR`.
 
-`/CAR/copy` repeats the images that the daemon gets, without making them again.
+`/CAR/copy` repeats the images that the daemon gets, without making them again. `/CAR/screen` is a
+page that shows them on a monitor, for a real camera in front of it.
 """
 
 import asyncio
@@ -8,12 +9,14 @@ import contextlib
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from aiohttp import web
 
 from onboard.hmi.feed import Feed
 
 _BOUNDARY = "picture"
+_SCREEN = Path(__file__).with_name("screen.html")
 
 
 class MjpegServer:
@@ -24,6 +27,7 @@ class MjpegServer:
         jpegs: Mapping[str, Callable[[float], bytes]],
         fps: float,
         on_sent: Callable[[str, float], None] = lambda _car, _late_s: None,
+        lens_widths: float | None = None,
     ) -> None:
         """Prepare the cameras.
 
@@ -31,10 +35,12 @@ class MjpegServer:
             jpegs: by car: returns its image at a `now`; called in one other thread.
             fps: rate of the images.
             on_sent: called after each image with its car and its lateness, s.
+            lens_widths: focal length in widths of an image; there is no screen without it.
         """
         self._jpegs = jpegs
         self._interval_s = 1 / fps
         self._on_sent = on_sent
+        self._lens_widths = lens_widths
         self._taken: dict[str, Feed[bytes]] = {car: Feed() for car in jpegs}
         self._painter = ThreadPoolExecutor(max_workers=1)
 
@@ -43,6 +49,8 @@ class MjpegServer:
         app = web.Application()
         app.router.add_get("/{car}", self._stream)
         app.router.add_get("/{car}/copy", self._copy)
+        if self._lens_widths is not None:
+            app.router.add_get("/{car}/screen", self._screen)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
         await self._runner.setup()
         for host, port in addresses:
@@ -82,10 +90,20 @@ class MjpegServer:
                 await response.write(_part(jpeg))
         return response
 
-    async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
+    async def _screen(self, request: web.Request) -> web.Response:
+        """Tell where a lens sees the monitor's picture as the camera sees the road."""
+        page = _SCREEN.read_text("utf-8").replace("DISTANCE", f"{self._lens_widths:.2f}")
+        page = page.replace("CAR", self._car(request))
+        return web.Response(text=page, content_type="text/html")
+
+    def _car(self, request: web.Request) -> str:
         car = request.match_info["car"]
         if car not in self._jpegs:
             raise web.HTTPNotFound
+        return car
+
+    async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
+        car = self._car(request)
         response = web.StreamResponse(
             headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
         )

@@ -10,6 +10,7 @@ from rich.table import Table
 from sim_rig.reporting.verdict import Outcome, Verdict
 from sim_rig.run_log.ground_truth import MatchedObject, match_object, perceived_objects, touch_s
 from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.picture_delay import picture_delay
 from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.scenario.schema import Scenario
 
@@ -36,7 +37,8 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
         console.print(_warnings(log))
     if scenario.gnss is not None:
         console.print(_perceived(log, scenario.duration_s))
-    for table in (_discards(log), _ledger(log), _clocks(log), _lateness(log)):
+    pictures = _picture_delays(scenario, log)
+    for table in (_discards(log), _ledger(log), pictures, _clocks(log), _lateness(log)):
         if table.row_count:
             console.print(table)
     for car, notes in log.notes.items():
@@ -192,6 +194,20 @@ def _ledger(log: RunLog) -> Table:
     table = _empty_table("Latency ledger", ("hop", *numbers), numbers)
     for line in ledger(log):
         table.add_row(line.hop, str(line.n), f"{line.p50_s * 1e3:.2f}", f"{line.p99_s * 1e3:.2f}")
+    return table
+
+
+def _picture_delays(scenario: Scenario, log: RunLog) -> Table:
+    """Table of how long after the exposure the pictures of each car are stamped."""
+    table = Table(title="Delay of the pictures", box=box.SIMPLE, title_justify="left")
+    for column in ("car", "ms", "+- ms", "pictures"):
+        table.add_column(column, justify="left" if column == "car" else "right")
+    plates = {car.plate: name for name, car in scenario.cars.items() if car.plate is not None}
+    for car in log.traces:
+        found = picture_delay(log, car, plates)
+        if found is not None:
+            delays_ms = (f"{each * 1e3:.0f}" for each in (found.delay_s, found.uncertainty_s))
+            table.add_row(car, *delays_ms, str(found.pictures))
     return table
 
 
