@@ -5,7 +5,6 @@ Without a position there is no MVS: nothing is measured, used or sent.
 
 import math
 from collections import Counter, deque
-from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -18,6 +17,7 @@ from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
+from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_coding import encode_within, free_number, read
 from onboard.mvs.footer_validation import (
     MAX_ENTRIES,
@@ -35,25 +35,14 @@ from onboard.mvs.remote_vehicles import (
     as_state_arrays,
 )
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, entries_in, message_of
-from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Discarded, Position, VehicleDetection
-from onboard.tracking.evidence import (
-    Evidence,
-    Measurement,
-    MeasurementId,
-    ProvenanceSpans,
-    as_arrays,
-    stamp_ms_of,
-)
-from onboard.tracking.evidence_store import OWN, EvidenceBatch, EvidenceView, StoredEvidence
-from onboard.tracking.fusion import fuse, propagate
-from onboard.tracking.independent_set import independent, up_to
+from onboard.tracking.evidence import Measurement, MeasurementId, ProvenanceSpans, as_arrays
+from onboard.tracking.evidence_store import OWN, EvidenceBatch
+from onboard.tracking.fusion import propagate
 from onboard.tracking.track import Track
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters, Tracks
 
-SHARED_SPAN_S = 0.5
-"""The oldest measurement in anything that is broadcast is not older than this."""
 UPDATE_S = 0.05
 """Tracks are updated no more often than this; bounds computing time."""
 
@@ -87,7 +76,6 @@ class MultiVehicleSensing(Core):
             max_measurements: in one estimate, sent or received.
         """
         self._settings = settings
-        self._rng = rng
         self._utc_offset_s = utc_offset_s
         self._parameters = tracking
         self._max_measurements = max_measurements
@@ -105,8 +93,12 @@ class MultiVehicleSensing(Core):
         self._sdsms = 0
         """Sent under the present ID."""
         self._tracks = Tracks(tracking)
-        self._sent_ms = 0
-        """When the last footer was made, UTC."""
+        self._evidence_to_send = EvidenceToSend(
+            settings,
+            rng,
+            acceleration_density=tracking.acceleration_density,
+            max_measurements=max_measurements,
+        )
         self._updated_ms: int | None = None
         """When the tracks were last updated, UTC."""
         self._events: deque[Discarded] = deque(maxlen=1024)
@@ -127,7 +119,8 @@ class MultiVehicleSensing(Core):
         if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
             self._tracks.clear()
             self._own_stamps_ms.clear()
-            self._sent_ms, self._updated_ms = 0, None
+            self._evidence_to_send.restart()
+            self._updated_ms = None
         self._utc_offset_s = utc_offset_s
 
     # ---- in -------------------------------------------------------------------------------
@@ -236,19 +229,8 @@ class MultiVehicleSensing(Core):
             return b""
         now_ms = self._utc_ms(now)
         tracks = self.reported_tracks()
-        both = [(track, self._candidate(track, now_ms)) for track in tracks]
-        known = [(track, candidate) for track, candidate in both if candidate is not None]
-        selected = SELECTIONS[self._settings.selection](
-            [candidate for _, candidate in known],
-            self._settings.max_entries,
-            self._estimate,
-            self._rng,
-        )
-        chosen = []
-        for at, piece in selected:
-            track, _ = known[at]
-            chosen.append((self._wire_number(track), piece))
-        self._sent_ms = now_ms
+        selected = self._evidence_to_send.of_footer(tracks, now_ms, self._own_ids)
+        chosen = [(self._wire_number(track), piece) for track, piece in selected]
         frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._host.anchor)
@@ -269,15 +251,9 @@ class MultiVehicleSensing(Core):
         if not self.has_position(now):
             return None
         now_ms = self._utc_ms(now)
-        measured = [
-            (track, newest)
-            for track in sorted(self.reported_tracks(), key=_shared_ms)
-            if (newest := self._newest_own(track, now_ms)) is not None
-        ][: self._settings.max_entries]
+        measured = self._evidence_to_send.of_sdsm(self.reported_tracks(), now_ms, self._own_ids)
         if not measured:
             return None
-        for track, newest in measured:
-            track.shared_ms = newest.stamp_ms
         objects = [
             MeasuredObject(
                 self._wire_number(track),
@@ -446,50 +422,7 @@ class MultiVehicleSensing(Core):
                 )
         self._detections.clear()
 
-    # ---- evidence to send -----------------------------------------------------------------
-
-    def _candidate(self, track: Track, now_ms: int) -> Candidate | None:
-        """Return what Algorithm 1 gets of a vehicle: the MEs of the window that may be sent.
-
-        The paper's window is the interval of the broadcasts, so it begins with the last one: what
-        arrives in between is sent once, however punctual the broadcasts are. Evidence without a
-        measurement that was not sent before is left out: old measurements make an estimate old.
-        """
-        span_ms = round(SHARED_SPAN_S * 1000)
-        received = [each for each in track.evidence.values() if each.received_ms >= self._sent_ms]
-        unsent = [
-            each
-            for each in received
-            if each.oldest_ms >= now_ms - span_ms and not each.provenance <= track.sent
-        ]
-        if not unsent:
-            return None
-        is_sensed = any(map(self._is_own_measurement, unsent))
-        return Candidate(EvidenceView(unsent), len(received), is_sensed, track.sent_ms)
-
-    def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> list[Evidence]:
-        """The paper's Estimate: one ME from the independent ones of all MEs about a vehicle.
-
-        Of more measurements than receivers accept in an estimate, the latest are used.
-        """
-        chosen = [
-            up_to(self._max_measurements, independent(evidence))
-            for evidence in evidence_of_vehicles
-        ]
-        several = [evidence for evidence in chosen if len(evidence) > 1]
-        estimates = iter(fuse(several, self._parameters.acceleration_density))
-        return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
-
-    def _newest_own(self, track: Track, now_ms: int) -> Measurement | None:
-        """Return the newest own measurement that was not sent in an SDSM, if it is not too old."""
-        since_ms = max(track.shared_ms, now_ms - round(SHARED_SPAN_S * 1000))
-        own = [
-            each
-            for each in track.evidence.values()
-            if each.stamp_ms > since_ms and self._is_own_measurement(each)
-        ]
-        piece = max(own, key=stamp_ms_of).piece if own else None
-        return piece if isinstance(piece, Measurement) else None
+    # ---- common ---------------------------------------------------------------------------
 
     def _wire_number(self, track: Track) -> int:
         """Return the number of a track on the air, the same in footers and SDSMs."""
@@ -497,13 +430,6 @@ class MultiVehicleSensing(Core):
             used = {each.wire_number for each in self._tracks}
             track.wire_number = free_number(track.number, used)
         return track.wire_number
-
-    def _is_own_measurement(self, stored: StoredEvidence) -> bool:
-        return stored.is_measurement and all(
-            observer in self._own_ids for observer, _ in stored.provenance
-        )
-
-    # ---- common ---------------------------------------------------------------------------
 
     def _own_state(self) -> ReportedState:
         own = self._host.state()
@@ -519,7 +445,3 @@ class MultiVehicleSensing(Core):
 
 def _stamp_s(detection: VehicleDetection) -> float:
     return detection.stamp_s
-
-
-def _shared_ms(track: Track) -> int:
-    return track.shared_ms

@@ -1,0 +1,139 @@
+"""Which evidence of its tracks a vehicle broadcasts, in footers and in SDSMs."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
+from onboard.mvs.settings import MvsSettings
+from onboard.tracking.evidence import Evidence, Measurement, stamp_ms_of
+from onboard.tracking.evidence_store import EvidenceView, StoredEvidence
+from onboard.tracking.fusion import fuse
+from onboard.tracking.independent_set import independent, up_to
+from onboard.tracking.track import Track
+
+SHARED_SPAN_S = 0.5
+"""The oldest measurement in anything that is broadcast is not older than this."""
+
+_SPAN_MS = round(SHARED_SPAN_S * 1000)
+
+
+class EvidenceToSend:
+    """Selects among the evidence of tracks. Times are ms of UTC."""
+
+    def __init__(
+        self,
+        settings: MvsSettings,
+        rng: np.random.Generator,
+        *,
+        acceleration_density: float,
+        max_measurements: int,
+    ) -> None:
+        """Start with nothing sent.
+
+        Args:
+            settings: the user's.
+            rng: for the selections that choose at random.
+            acceleration_density: q of the fusion, m^2/s^3.
+            max_measurements: in one estimate.
+        """
+        self._settings = settings
+        self._rng = rng
+        self._acceleration_density = acceleration_density
+        self._max_measurements = max_measurements
+        self._selected_ms = 0
+        """When evidence was last selected for a footer."""
+
+    def restart(self) -> None:
+        """Begin anew after a correction of UTC."""
+        self._selected_ms = 0
+
+    def of_footer(
+        self, tracks: Sequence[Track], now_ms: int, own_ids: Collection[bytes]
+    ) -> list[tuple[Track, Evidence]]:
+        """Select what the footer has, of one track one piece.
+
+        Args:
+            tracks: of vehicles without radio.
+            now_ms: the time.
+            own_ids: under which own measurements are known.
+        """
+        both = [(track, self._candidate(track, now_ms, own_ids)) for track in tracks]
+        known = [(track, candidate) for track, candidate in both if candidate is not None]
+        selected = SELECTIONS[self._settings.selection](
+            [candidate for _, candidate in known],
+            self._settings.max_entries,
+            self._estimate,
+            self._rng,
+        )
+        self._selected_ms = now_ms
+        return [(known[at][0], piece) for at, piece in selected]
+
+    def of_sdsm(
+        self, tracks: Sequence[Track], now_ms: int, own_ids: Collection[bytes]
+    ) -> list[tuple[Track, Measurement]]:
+        """Take the newest own measurement of each vehicle, which then counts as sent.
+
+        Those come first that were last sent the longest ago. Arguments as of `of_footer`.
+        """
+        measured = [
+            (track, newest)
+            for track in sorted(tracks, key=_shared_ms)
+            if (newest := _newest_own(track, now_ms, own_ids)) is not None
+        ][: self._settings.max_entries]
+        for track, newest in measured:
+            track.shared_ms = newest.stamp_ms
+        return measured
+
+    def _candidate(self, track: Track, now_ms: int, own_ids: Collection[bytes]) -> Candidate | None:
+        """Return what Algorithm 1 gets of a vehicle: the MEs of the window that may be sent.
+
+        The paper's window is the interval of the broadcasts, so it begins with the last one: what
+        arrives in between is sent once, however punctual the broadcasts are. Evidence without a
+        measurement that was not sent before is left out: old measurements make an estimate old.
+        """
+        received = [
+            each for each in track.evidence.values() if each.received_ms >= self._selected_ms
+        ]
+        unsent = [
+            each
+            for each in received
+            if each.oldest_ms >= now_ms - _SPAN_MS and not each.provenance <= track.sent
+        ]
+        if not unsent:
+            return None
+        is_sensed = any(_is_own_measurement(each, own_ids) for each in unsent)
+        return Candidate(EvidenceView(unsent), len(received), is_sensed, track.sent_ms)
+
+    def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> list[Evidence]:
+        """The paper's Estimate: one ME from the independent ones of all MEs about a vehicle.
+
+        Of more measurements than receivers accept in an estimate, the latest are used.
+        """
+        chosen = [
+            up_to(self._max_measurements, independent(evidence))
+            for evidence in evidence_of_vehicles
+        ]
+        several = [evidence for evidence in chosen if len(evidence) > 1]
+        estimates = iter(fuse(several, self._acceleration_density))
+        return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
+
+
+def _newest_own(track: Track, now_ms: int, own_ids: Collection[bytes]) -> Measurement | None:
+    """Return the newest own measurement that was not sent in an SDSM, if it is not too old."""
+    since_ms = max(track.shared_ms, now_ms - _SPAN_MS)
+    own = [
+        each
+        for each in track.evidence.values()
+        if each.stamp_ms > since_ms and _is_own_measurement(each, own_ids)
+    ]
+    piece = max(own, key=stamp_ms_of).piece if own else None
+    return piece if isinstance(piece, Measurement) else None
+
+
+def _is_own_measurement(stored: StoredEvidence, own_ids: Collection[bytes]) -> bool:
+    return stored.is_measurement and all(observer in own_ids for observer, _ in stored.provenance)
+
+
+def _shared_ms(track: Track) -> int:
+    return track.shared_ms
