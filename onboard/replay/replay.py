@@ -99,15 +99,15 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
             continue
         if not entry.topic.startswith(("/in/", "/recorder/")):
             continue
+        value = as_input(entry)
+        if isinstance(value, Identity):  # also between a step and its outputs
+            car_ids[value.plate, value.epoch] = value.car_id
+            continue
         if current is not None:
             yield current
             current = None
-        value = as_input(entry)
         if isinstance(value, RecordingGap):
             raise GapError(value)
-        if isinstance(value, Identity):
-            car_ids[value.plate, value.epoch] = value.car_id
-            continue
         if tap is None:
             begins = (value.stamp_s, entry.utc_s) if drive.begins_late else None
             tap = replayed_stack(drive.header, car_ids, records.append, begins)

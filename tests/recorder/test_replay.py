@@ -5,18 +5,20 @@ import math
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from mcap.records import McapRecord, Message, Metadata
+from typing_extensions import override
 
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
-from onboard.recorder.reader import RecordedDrive, RecordingError, raw_records
+from onboard.recorder.reader import Entry, RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
 from onboard.replay.drive_header import OF_THE_CORES, initial_state_of, make_header
 from onboard.replay.replay import compare, play
@@ -62,6 +64,24 @@ def test_revocation_lists_are_part_of_the_initial_state(tmp_path: Path) -> None:
 
     assert again is not None
     assert again.crls == (b"list",)
+
+
+class DerivedMeanwhile(RecordedDrive):
+    """A thread derives an ID while each step is at work."""
+
+    @override
+    def entries(self) -> Iterator[Entry]:
+        identity = next(each for each in super().entries() if each.topic == "/in/identity")
+        for entry in super().entries():
+            yield entry
+            if entry.topic == "/in/step":
+                yield identity
+
+
+def test_an_id_that_a_thread_derives_during_a_step_does_not_hide_its_outputs(drive: Path) -> None:
+    comparison = compare(DerivedMeanwhile([drive]))
+    assert comparison.difference is None
+    assert comparison.outputs == compare(RecordedDrive([drive])).outputs
 
 
 @pytest.mark.long
