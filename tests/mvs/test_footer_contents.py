@@ -63,10 +63,10 @@ def test_received_evidence_is_relayed_once_at_any_footer_timing(
 
 
 def test_what_comes_back_from_others_is_not_sent_again() -> None:
-    """Else old news would ride on every new measurement, and make it too old to be passed on."""
+    """Otherwise old measurements go with every new one, and make it too old to be relayed."""
 
     def radio(message: Message, receiver: Car, t: float) -> list[float]:
-        return [0.03 + 0.1 * (round(t * 10) % 2)]  # so b has two to tell of at a time
+        return [0.03 + 0.1 * (round(t * 10) % 2)]  # so b relays two at a time
 
     cars = [
         Car("a", 0, 0, 0, 10, sees=frozenset({"x"})),

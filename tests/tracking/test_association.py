@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from onboard.tracking.association import CERTAIN_M, FARTHEST_INSIDE_M2, compare
 from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId, as_arrays
-from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gate, with_speed_prior
+from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gate, gates, with_speed_prior
 
 Q = 1.0
 
@@ -92,6 +92,15 @@ def test_the_gate_lets_in_what_its_probability_says() -> None:
     inside = sum(bool(found([measured(x, y)], [car(0)], 0.95)) for x, y in errors)
 
     assert inside / 4000 == pytest.approx(0.95, abs=0.012)
+
+
+def test_narrowed_gates_let_in_what_gates_of_the_lower_probability_do() -> None:
+    pieces, cars = as_arrays([measured(0), measured(3.5), measured(6)]), as_arrays([car(0), car(6)])
+    wide = compare(pieces, cars, GATE_PROBABILITY, Q)
+    narrow = wide.narrowed(gates(pieces, 0.9))
+
+    assert wide.inside.sum() > narrow.inside.sum() > 0
+    assert np.array_equal(narrow.inside, compare(pieces, cars, 0.9, Q).inside)
 
 
 def test_a_car_is_carried_to_the_time_of_the_piece_forwards_and_back() -> None:

@@ -1,4 +1,4 @@
-"""Whose evidence is whose: by the teller's number first, by place only where that is certain."""
+"""Which track evidence goes to: by its sender's number first, by position where that is certain."""
 
 import numpy as np
 
@@ -27,13 +27,13 @@ def estimated(x_m: float, y_m: float, *stamps_ms: int, by: bytes = A, sigma_m: f
     return Estimate(provenance, np.array([x_m, y_m, 0.0, 0.0]), covariance)
 
 
-def tell(tracks: Tracks, teller: bytes, cars: dict[int, Evidence], now_ms: int) -> list[int]:
-    """Let `teller` tell of cars by his numbers, and look what comes of it."""
+def receive(tracks: Tracks, sender: bytes, cars: dict[int, Evidence], now_ms: int) -> list[int]:
+    """Let `tracks` receive what a sender reports under its numbers; return the rows refused."""
     pieces = list(cars.values())
     provenances = [piece.provenance for piece in pieces]
     refused = tracks.receive(
         EvidenceBatch(
-            [teller] * len(pieces),
+            [sender] * len(pieces),
             list(cars),
             provenances,
             [now_ms] * len(pieces),
@@ -46,10 +46,10 @@ def tell(tracks: Tracks, teller: bytes, cars: dict[int, Evidence], now_ms: int) 
     return refused
 
 
-def test_a_car_goes_on_by_its_number_however_vague_it_is() -> None:
+def test_evidence_under_a_known_number_stays_on_its_track_however_uncertain_it_is() -> None:
     tracks = Tracks()
     for k in range(4):
-        tell(tracks, A, {7: measured(0, 0, 1000 + 100 * k, 1.4)}, 1050 + 100 * k)
+        receive(tracks, A, {7: measured(0, 0, 1000 + 100 * k, 1.4)}, 1050 + 100 * k)
 
     (track,) = tracks
     assert track.is_reported
@@ -60,9 +60,9 @@ def test_the_first_vague_measurement_of_a_car_does_not_go_to_its_neighbour() -> 
     """A car on the next lane, 3.5 m away, that nobody has reported before."""
     tracks = Tracks()
     for k in range(5):
-        tell(tracks, A, {7: estimated(0, 0, 1000 + 100 * k, sigma_m=0.3)}, 1050 + 100 * k)
+        receive(tracks, A, {7: estimated(0, 0, 1000 + 100 * k, sigma_m=0.3)}, 1050 + 100 * k)
 
-    tell(tracks, B, {1: measured(0, 2.5, 1460, 1.4, by=B)}, 1470)
+    receive(tracks, B, {1: measured(0, 2.5, 1460, 1.4, by=B)}, 1470)
 
     assert [len(track.used) for track in tracks] == [5, 1]
     assert [track.is_reported for track in tracks] == [True, False]
@@ -71,9 +71,9 @@ def test_the_first_vague_measurement_of_a_car_does_not_go_to_its_neighbour() -> 
 def test_a_new_number_for_a_well_known_place_is_that_car() -> None:
     tracks = Tracks()
     for k in range(3):
-        tell(tracks, A, {7: estimated(0, 0, 1000 + 100 * k, sigma_m=0.3)}, 1050 + 100 * k)
+        receive(tracks, A, {7: estimated(0, 0, 1000 + 100 * k, sigma_m=0.3)}, 1050 + 100 * k)
 
-    tell(tracks, B, {1: estimated(0.4, 0.3, 1260, by=B, sigma_m=0.3)}, 1270)
+    receive(tracks, B, {1: estimated(0.4, 0.3, 1260, by=B, sigma_m=0.3)}, 1270)
 
     (track,) = tracks
     assert set(track.labels) == {(A, 7), (B, 1)}
@@ -81,9 +81,9 @@ def test_a_new_number_for_a_well_known_place_is_that_car() -> None:
 
 def test_who_shares_a_measurement_and_a_place_is_one_car_however_vague() -> None:
     tracks = Tracks()
-    tell(tracks, A, {7: measured(0, 0, 1000, 1.4)}, 1050)
+    receive(tracks, A, {7: measured(0, 0, 1000, 1.4)}, 1050)
 
-    tell(tracks, B, {1: estimated(0.3, 0.2, 1000, 900, sigma_m=1.2)}, 1060)
+    receive(tracks, B, {1: estimated(0.3, 0.2, 1000, 900, sigma_m=1.2)}, 1060)
 
     (track,) = tracks
     assert set(track.labels) == {(A, 7), (B, 1)}
@@ -92,31 +92,31 @@ def test_who_shares_a_measurement_and_a_place_is_one_car_however_vague() -> None
 def test_a_number_that_jumps_to_another_car_is_another_car() -> None:
     tracks = Tracks()
     for k in range(4):
-        tell(tracks, OWN, {7: measured(0, 0, 1000 + 100 * k, 0.3)}, 1050 + 100 * k)
+        receive(tracks, OWN, {7: measured(0, 0, 1000 + 100 * k, 0.3)}, 1050 + 100 * k)
 
-    tell(tracks, OWN, {7: measured(20, 0, 1400, 0.3)}, 1450)
+    receive(tracks, OWN, {7: measured(20, 0, 1400, 0.3)}, 1450)
 
     first, second = tracks
     assert first.labels == {}
     assert set(second.labels) == {(OWN, 7)}
 
 
-def test_two_numbers_that_turn_out_to_be_one_car_are_joined() -> None:
-    """Two that see it from afar; both tell of it in vain at first, but never of two cars."""
+def test_two_numbers_of_one_vehicle_are_merged() -> None:
+    """Two senders measure it from afar; it is never reported as two vehicles."""
     rng = np.random.default_rng(0)
     tracks = Tracks()
     for k in range(12):
-        for at, teller in enumerate((A, B)):
+        for at, sender in enumerate((A, B)):
             stamp_ms = 1000 + 100 * k + 30 * at
             place = rng.normal(0, 1.0, 2)
-            tell(tracks, teller, {5: measured(*place, stamp_ms, 1.0, by=teller)}, stamp_ms + 10)
+            receive(tracks, sender, {5: measured(*place, stamp_ms, 1.0, by=sender)}, stamp_ms + 10)
             assert sum(track.is_reported for track in tracks) <= 1
 
     (track,) = tracks
     assert {observer for observer, _ in track.estimate.provenance} == {A, B}
 
 
-def test_two_that_one_picture_shows_are_never_joined() -> None:
+def test_two_vehicles_of_one_image_are_never_merged() -> None:
     tracks = Tracks()
     for k in range(12):
         stamp_ms = 1000 + 100 * k
@@ -124,43 +124,45 @@ def test_two_that_one_picture_shows_are_never_joined() -> None:
             1: measured(0, 0, stamp_ms, 0.8),
             2: measured(0, 1.2, stamp_ms, 0.8),
         }
-        tell(tracks, OWN, seen, stamp_ms + 10)
+        receive(tracks, OWN, seen, stamp_ms + 10)
 
     assert len(tracks) == 2
     assert all(track.is_reported for track in tracks)
 
 
-def test_a_ghost_does_not_hide_what_the_own_camera_sees() -> None:
+def test_what_others_report_does_not_hide_what_own_sensors_measure() -> None:
     tracks = Tracks()
     for k in range(4):
         now_ms = 1000 + 100 * k
-        tell(tracks, OWN, {1: measured(0, 0, now_ms, 0.8)}, now_ms)
-        tell(tracks, B, {1: estimated(2, 0, now_ms, by=B, sigma_m=0.5)}, now_ms)
+        receive(tracks, OWN, {1: measured(0, 0, now_ms, 0.8)}, now_ms)
+        receive(tracks, B, {1: estimated(2, 0, now_ms, by=B, sigma_m=0.5)}, now_ms)
 
-    seen, ghost = tracks
-    assert np.trace(ghost.estimate.covariance[:2, :2]) < np.trace(seen.estimate.covariance[:2, :2])
-    assert (seen.is_reported, ghost.is_reported) == (True, False)
+    sensed, reported = tracks
+    assert np.trace(reported.estimate.covariance[:2, :2]) < np.trace(
+        sensed.estimate.covariance[:2, :2]
+    )
+    assert (sensed.is_reported, reported.is_reported) == (True, False)
 
 
-def test_who_is_hidden_hides_nobody() -> None:
-    """Each is the double of the one before, and vaguer; the last is no double of the first."""
+def test_a_duplicate_that_is_not_reported_hides_no_other_track() -> None:
+    """Each is a duplicate of the one before and less certain; the last is none of the first."""
     tracks = Tracks()
     for k in range(4):
         now_ms = 1000 + 100 * k
         for at in range(3):
-            teller = bytes([at + 1]) * 4
-            evidence = estimated(2.1 * at, 0, now_ms, by=teller, sigma_m=0.7 + 0.1 * at)
-            tell(tracks, teller, {1: evidence}, now_ms)
+            sender = bytes([at + 1]) * 4
+            evidence = estimated(2.1 * at, 0, now_ms, by=sender, sigma_m=0.7 + 0.1 * at)
+            receive(tracks, sender, {1: evidence}, now_ms)
 
     assert [track.is_reported for track in tracks] == [True, False, True]
 
 
-def test_what_is_spent_is_not_used_again() -> None:
+def test_evidence_that_repeats_used_measurements_is_not_used() -> None:
     tracks = Tracks()
     for k in range(8):
-        tell(tracks, A, {7: measured(0, 0, 1000 + 100 * k, 0.5)}, 1050 + 100 * k)
+        receive(tracks, A, {7: measured(0, 0, 1000 + 100 * k, 0.5)}, 1050 + 100 * k)
 
-    tell(tracks, B, {1: estimated(0, 0, 1000, 1100, 1700, sigma_m=0.3)}, 1760)
+    receive(tracks, B, {1: estimated(0, 0, 1000, 1100, 1700, sigma_m=0.3)}, 1760)
 
     (track,) = tracks
     used = [identity for piece in track.used for identity in piece.provenance]
@@ -168,10 +170,10 @@ def test_what_is_spent_is_not_used_again() -> None:
     assert all(isinstance(piece, Measurement) for piece in track.used)
 
 
-def test_a_car_is_forgotten_with_the_last_of_its_evidence() -> None:
+def test_a_track_is_dropped_with_the_last_of_its_evidence() -> None:
     """An estimate with an old measurement is dropped before the car counts as unseen."""
     tracks = Tracks()
-    tell(tracks, A, {7: estimated(0, 0, 1100, 3000, sigma_m=0.5)}, 3000)
+    receive(tracks, A, {7: estimated(0, 0, 1100, 3000, sigma_m=0.5)}, 3000)
     assert len(tracks) == 1
 
     tracks.update(3150)
@@ -179,23 +181,23 @@ def test_a_car_is_forgotten_with_the_last_of_its_evidence() -> None:
     assert len(tracks) == 0
 
 
-def test_a_car_may_be_remembered_for_less_than_it_may_be_unseen() -> None:
+def test_a_track_whose_evidence_expires_is_dropped_before_it_counts_as_unseen() -> None:
     tracks = Tracks(TrackingParameters(unseen_s=3.0, memory_s=2.0))
     for k in range(4):
-        tell(tracks, OWN, {7: measured(0, 0, 1000 + 100 * k, 0.5)}, 1000 + 100 * k)
+        receive(tracks, OWN, {7: measured(0, 0, 1000 + 100 * k, 0.5)}, 1000 + 100 * k)
 
     tracks.update(3400)
 
     assert len(tracks) == 0
 
 
-def test_the_numbers_of_evidence_go_with_it() -> None:
-    """And those of what is still held stay what they were, wherever they stand now."""
+def test_rows_of_evidence_that_no_track_has_are_dropped() -> None:
+    """The rows that stay keep their values, wherever they are moved to."""
     tracks = Tracks()
     for k in range(60):
         now_ms = 1000 + 100 * k
         evidence: dict[int, Evidence] = {n: measured(50 * n, k, now_ms - n, 1.0) for n in range(30)}
-        tell(tracks, OWN, evidence, now_ms)
+        receive(tracks, OWN, evidence, now_ms)
 
     assert len(tracks) == 30
     held = [each for track in tracks for each in track.stored]
