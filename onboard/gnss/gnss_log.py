@@ -51,14 +51,19 @@ def _events(path: Path) -> Iterator[Position | Discarded]:
         with path.open("rb") as log:
             start = log.read(_LOOKED_AT_BYTES)
             log.seek(0)
-            if start.startswith(REPORT_START):
-                yield from _read(GpsdReader(), log)
+            if REPORT_START in start:
+                yield from _read(GpsdReader(), map(_report, log))
             elif _NMEA.search(start) or not start.translate(None, _TEXT):
                 yield from _read(NmeaReader(), log)
             else:
                 yield from _decoded(path)
     except OSError as error:
         raise GnssLogError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _report(line: bytes) -> bytes:
+    """The line of a report without what gpspipe wrote before it (-t); the last may have no end."""
+    return line[max(line.find(REPORT_START), 0) :].removesuffix(b"\n") + b"\n"
 
 
 def _read(

@@ -168,4 +168,7 @@ def _number(report: dict[str, Any], name: str, least: float, most: float) -> flo
 def _utc_s(time: object) -> float:
     if not isinstance(time, str):
         raise ReportError(f"time is {time!r}")
-    return dt.datetime.fromisoformat(time).timestamp()
+    utc = dt.datetime.fromisoformat(time)
+    if utc.tzinfo is None:  # it would be taken for local time
+        raise ReportError(f"time {time} names no zone")
+    return utc.timestamp()

@@ -58,6 +58,27 @@ def test_a_report_without_a_time_is_discarded(tmp_path):
     assert refused.stamp_s == position.stamp_s
 
 
+REPORTS = tuple(tpv(f"2026-03-01T12:00:0{second}.000Z", lat=52.0, lon=13.0) for second in (1, 2))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '59.2,"lon":13.0}\n' + "".join(REPORTS),
+        "\n\n" + "".join(REPORTS),
+        "".join(f"2026-03-01 12:00:03: {each}" for each in REPORTS),
+        "$GPGGA,120001,5200.0,N,01300.0,E,1,08,1.0,50.0,M,0.0,M,,*70\n" + "".join(REPORTS),
+        "".join(REPORTS).removesuffix("\n"),
+    ],
+    ids=["cut at the start", "blank lines", "gpspipe -t", "gpspipe -wr", "no last line end"],
+)
+def test_gpsds_reports_are_found_wherever_they_begin(tmp_path, text):
+    log = tmp_path / "gpspipe.json"
+    log.write_text(text)
+    positions = [event for event in read_gnss_log(log) if isinstance(event, Position)]
+    assert [each.stamp_s % 60 for each in positions] == [1, 2]
+
+
 def test_a_binary_log_without_gpsdecode_names_what_is_missing(tmp_path, monkeypatch):
     log = tmp_path / "drive.ubx"
     log.write_bytes(b"\xb5\x62\x01\x07" * 100)

@@ -151,6 +151,7 @@ def test_an_error_report_of_gpsd_is_counted():
         TPV | {"time": "yesterday"},
         without("epx", "eph", status=[2]),
         TPV | {"time": 17},
+        TPV | {"time": "2026-03-01T12:00:00"},
         TPV | {"speed": -1},
         TPV | {"eph": -1, "epx": None},
         {"class": "SKY", "hdop": "good"},
