@@ -38,6 +38,9 @@ _LINES_TO_RECOGNISE = 20
 _ABSOLUTE_FROM_S = 1e9
 """Stamps below count from the start of the recording, or from the line before (candump -td)."""
 
+_LATEST_S = 1e11
+"""Three thousand years: a larger stamp is no time."""
+
 _DISORDER_S = 1e-3
 """Greatest step back between lines: candump reads several buses in turn."""
 
@@ -57,12 +60,13 @@ def read_can_log(
 ) -> Iterator[CanFrame]:
     """Yield the data frames of a recording, with its own stamps in s.
 
-    An unreadable line of candump's is discarded with reason `log_line`, and reading continues.
+    An unreadable line of candump's, and a frame whose stamp is no time, are discarded with reason
+    `log_line`, and reading continues.
 
     Args:
         path: of the recording.
         channel: the only one to read; `None` reads all.
-        on_discarded: gets unreadable lines.
+        on_discarded: gets what is discarded.
 
     Raises:
         CanLogError: there is no such file, or its format is unknown, broken or without stamps.
@@ -70,12 +74,18 @@ def read_can_log(
     if not path.is_file():  # before python-can judges the name
         raise CanLogError(f"{path}: no such file")
     try:
+        stamp_s = 0.0
         for message in _messages(path, on_discarded):
+            if not abs(message.timestamp) < _LATEST_S:
+                detail = f"time stamp {message.timestamp}"
+                on_discarded(Discarded(stamp_s, "obd", "log_line", detail))
+                continue
+            stamp_s = message.timestamp
             is_data = not (message.is_error_frame or message.is_remote_frame)
             if is_data and channel in {None, str(message.channel)}:
                 yield frame_of(message, message.timestamp)
     except OSError as error:
-        raise CanLogError(f"{path}: cannot be read: {error.strerror}") from error
+        raise CanLogError(f"{path}: cannot be read: {error.strerror or error}") from error
     except CanLogError:
         raise
     except Exception as error:  # each format's reader raises its own types

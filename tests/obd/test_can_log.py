@@ -52,6 +52,23 @@ def test_one_channel_of_a_recording(tmp_path):
     assert [f.arbitration_id for f in read_can_log(path, "can0")] == [0x100, 0x102]
 
 
+@pytest.mark.parametrize("stamp", ["nan", "-inf", "inf", "1e300"])
+def test_a_frame_whose_stamp_is_no_time_is_discarded(tmp_path, stamp):
+    path = tmp_path / "odd.log"
+    path.write_text(f"({stamp}) can0 100#00\n(1.2) can0 102#00\n", encoding="ascii")
+    discarded = []
+    (frame,) = read_can_log(path, on_discarded=discarded.append)
+    assert frame.arbitration_id == 0x102
+    assert [(each.stamp_s, each.reason) for each in discarded] == [(0.0, "log_line")]
+
+
+def test_a_damaged_archive_is_refused_with_a_reason(tmp_path):
+    path = tmp_path / "odd.log.gz"
+    path.write_bytes(b"\x1f\x8b" + bytes(30))
+    with pytest.raises(CanLogError, match=r"odd\.log\.gz: cannot be read: \w+ \w+"):
+        list(read_can_log(path))
+
+
 def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path):
     path = tmp_path / "bad.log"
     path.write_text(
