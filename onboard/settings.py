@@ -143,13 +143,17 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
     """
     try:
         # JSON mode accepts a list for a tuple and a string for an enum, and is strict otherwise.
-        text = json.dumps(tree, default=str)
-    except (TypeError, ValueError) as error:  # a date for a key, a mapping within itself
+        text = json.dumps(tree, default=str, ensure_ascii=False).encode()
+    except (TypeError, ValueError) as error:
+        # A date for a key, a mapping within itself, half of a surrogate pair.
         raise SettingsError(f"{origin}: {error}") from error
     try:
         return schema.model_validate_json(text)
     except ValidationError as error:
-        lines = [_explain(dict(item), schema) for item in error.errors(include_url=False)]
+        items = error.errors(include_url=False)
+        if items[0]["type"] == "json_invalid":  # its input is the whole file, with the secrets
+            raise SettingsError(f"{origin}: nested too deeply") from error
+        lines = [_explain(dict(item), schema) for item in items]
         raise SettingsError("\n".join(f"{origin}: {line}" for line in lines)) from error
 
 

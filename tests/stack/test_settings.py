@@ -128,6 +128,8 @@ ALIAS_BOMB = "v0: &v0 [1, 1, 1, 1]\n" + "".join(
         ("seed: &own {again: *own}", "Circular reference detected"),
         (ALIAS_BOMB, "line 7, column 10: aliases stand for more than 10000 values"),
         ("seed: " + "[" * 2000, "nested too deeply"),
+        ("key: hush\nseed: " + "[" * 250 + "]" * 250, "nested too deeply"),
+        ('key: hush\nname: "\\ud800"', "surrogates not allowed"),
         ("seed: " + "9" * 5000, "not YAML: Exceeds the limit"),
         (
             "just a sentence",
