@@ -76,12 +76,13 @@ class CertificateDistribution(Core):
             chain: certificates of the authorities above the host vehicle's own, in any order.
         """
         by_id = {each.hashed_id8: each for each in chain}
+        self._own_ids = frozenset(by_id)
         self._answers = {
             hashed_id3(key): encode_ca_certs(_up_from(each, by_id)) for key, each in by_id.items()
         }
         self._backoff_s = 0.0
         self._requested: OrderedDict[bytes, float] = OrderedDict()
-        """Until when, by the HashedId3 of the issuers that are not known."""
+        """Until when, by the HashedId8 of the issuers that are not known."""
         self._request_at = -math.inf
         self._waiting: dict[bytes, tuple[float, int]] = {}
         """When to answer, and the answers of others, by HashedId3."""
@@ -98,8 +99,8 @@ class CertificateDistribution(Core):
 
     def receive_unknown_issuer(self, issuer_id: bytes, now: float) -> None:
         """Take the HashedId8 of an issuer that a message came under."""
-        self._requested[hashed_id3(issuer_id)] = now + REQUEST_LIFETIME_S
-        self._requested.move_to_end(hashed_id3(issuer_id))
+        self._requested[issuer_id] = now + REQUEST_LIFETIME_S
+        self._requested.move_to_end(issuer_id)
         if len(self._requested) > MOST_REQUESTED:
             self._requested.popitem(last=False)
 
@@ -113,23 +114,26 @@ class CertificateDistribution(Core):
         self._request_at = now + REQUEST_INTERVAL_S
         wanted = next(iter(self._requested))
         self._requested.move_to_end(wanted)
-        return wanted
+        return hashed_id3(wanted)
 
     def wanted(self, certificates: Iterable[Certificate], now: float) -> list[Certificate]:
         """Take an answer of another vehicle; return it, the topmost certificate first.
+
+        Certificates are told apart by HashedId8: one with the HashedId3 of another is soon found.
 
         Returns:
             nothing, if its first certificate was not asked for.
         """
         chain = list(certificates)
-        answered = hashed_id3(chain[0].hashed_id8)
-        if answered in self._waiting:
+        issuer_id = chain[0].hashed_id8
+        answered = hashed_id3(issuer_id)
+        if answered in self._waiting and issuer_id in self._own_ids:
             at, others = self._waiting[answered]
             self._waiting[answered] = at, others + 1
             if others + 1 >= ENOUGH_ANSWERS:
                 del self._waiting[answered]
         self._forget(now)
-        return chain[::-1] if self._requested.pop(answered, None) is not None else []
+        return chain[::-1] if self._requested.pop(issuer_id, None) is not None else []
 
     # ---- answering ------------------------------------------------------------------------
 

@@ -1,5 +1,6 @@
 """Certificates of authorities, asked for and answered among vehicles."""
 
+import copy
 from contextlib import suppress
 
 import numpy as np
@@ -113,6 +114,21 @@ def test_enough_answers_of_others_make_ones_own_needless() -> None:
     for _ in range(ENOUGH_ANSWERS):
         asked.wanted([ISSUER], 1.01)
     assert asked.answers_to_send(2.0) == []
+
+
+def test_answers_with_other_certificates_of_the_same_hashed_id3_change_nothing() -> None:
+    """A HashedId3 of one's choice takes seconds to find, and answers are unsigned."""
+    other = OTHER_ISSUING.credential.certificate
+    both = answering()
+    both.receive_request(WANTED, 1.0)
+    both.receive_unknown_issuer(other.hashed_id8, 1.0)
+    for issuer in (ISSUER, other):
+        forged = copy.copy(issuer)
+        object.__setattr__(forged, "digest", bytes(29) + hashed_id3(issuer.hashed_id8))
+        for _ in range(ENOUGH_ANSWERS):
+            assert both.wanted([forged], 1.01) == []
+    assert both.answers_to_send(2.0) == [encode_ca_certs([ISSUER])]
+    assert both.wanted([other], 2.0) == [other]
 
 
 def test_only_own_authorities_are_answered_with_and_the_root_is_not() -> None:
