@@ -5,6 +5,8 @@ explicit. `Pkcs11Key` is a key as `cryptography` has them, of which only signing
 """
 
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, NoReturn
 
@@ -54,50 +56,56 @@ class Pkcs11Token:
             pin = settings.pin_file.read_text("utf-8").strip()
         except OSError as error:
             raise TokenError(f"{settings.pin_file}: cannot be read: {error.strerror}") from error
-        try:
+        except UnicodeDecodeError as error:
+            raise TokenError(f"{settings.pin_file}: is no text in UTF-8") from error
+        with _naming(f"{settings.label} of {settings.module}"):
             self._session = _session(str(settings.module), settings.label, pin)
-        except (pkcs11.PKCS11Error, RuntimeError) as error:
-            why = " ".join(str(error).split()) or type(error).__name__
-            raise TokenError(f"token {settings.label} of {settings.module}: {why}") from error
 
     def key_of(self, public_key: p256.PublicKey) -> p256.PrivateKey:
         """Return the private key that belongs to a public one.
 
         Raises:
-            TokenError: the token does not have it.
+            TokenError: the token does not have it, or fails.
         """
         point = _POINT + public_key.public_bytes(Encoding.X962, PublicFormat.UncompressedPoint)
         wanted = {
             pkcs11.Attribute.CLASS: pkcs11.ObjectClass.PUBLIC_KEY,
             pkcs11.Attribute.EC_POINT: point,
         }
-        found = list(self._session.get_objects(wanted))  # one search at a time
-        if not found:
-            compressed = p256.compressed(public_key).hex()
-            raise TokenError(f"token {self._label}: has no key for {compressed}")
-        key = self._session.get_key(
-            object_class=pkcs11.ObjectClass.PRIVATE_KEY, id=found[0][pkcs11.Attribute.ID]
-        )
-        return Pkcs11Key(key, public_key)
+        with _naming(self._label):
+            found = list(self._session.get_objects(wanted))  # one search at a time
+            if not found:
+                compressed = p256.compressed(public_key).hex()
+                raise TokenError(f"token {self._label}: has no key for {compressed}")
+            key = self._session.get_key(
+                object_class=pkcs11.ObjectClass.PRIVATE_KEY, id=found[0][pkcs11.Attribute.ID]
+            )
+        return Pkcs11Key(key, public_key, self._label)
 
     def new_key(self) -> p256.PrivateKey:
-        """Make a key in the token, which never leaves it."""
-        parameters = self._session.create_domain_parameters(
-            pkcs11.KeyType.EC, {pkcs11.Attribute.EC_PARAMS: _P256}, local=True
-        )
-        public, private = parameters.generate_keypair(
-            id=secrets.token_bytes(_ID_BYTES), label="onboard", store=True
-        )
-        point = public[pkcs11.Attribute.EC_POINT].removeprefix(_POINT)
-        return Pkcs11Key(private, p256.public_key(point))
+        """Make a key in the token, which never leaves it.
+
+        Raises:
+            TokenError: the token is full, or fails.
+        """
+        with _naming(self._label):
+            parameters = self._session.create_domain_parameters(
+                pkcs11.KeyType.EC, {pkcs11.Attribute.EC_PARAMS: _P256}, local=True
+            )
+            public, private = parameters.generate_keypair(
+                id=secrets.token_bytes(_ID_BYTES), label="onboard", store=True
+            )
+            point = public[pkcs11.Attribute.EC_POINT].removeprefix(_POINT)
+        return Pkcs11Key(private, p256.public_key(point), self._label)
 
 
 class Pkcs11Key(ec.EllipticCurvePrivateKey):
     """A private key in a token: it signs, and shows its public key."""
 
-    def __init__(self, key: Any, public_key: p256.PublicKey) -> None:
+    def __init__(self, key: Any, public_key: p256.PublicKey, label: str) -> None:
         self._key = key
         self._public_key = public_key
+        self._label = label
 
     @override
     def sign(
@@ -105,9 +113,14 @@ class Pkcs11Key(ec.EllipticCurvePrivateKey):
         data: bytes | bytearray | memoryview,
         signature_algorithm: ec.EllipticCurveSignatureAlgorithm,
     ) -> bytes:
-        """Sign a digest, with the token's random numbers; the DER of r and s."""
+        """Sign a digest, with the token's random numbers; the DER of r and s.
+
+        Raises:
+            TokenError: the token fails.
+        """
         assert isinstance(signature_algorithm.algorithm, Prehashed)  # noqa: S101 (see `p256.sign`)
-        raw = self._key.sign(bytes(data), mechanism=pkcs11.Mechanism.ECDSA)
+        with _naming(self._label):
+            raw = self._key.sign(bytes(data), mechanism=pkcs11.Mechanism.ECDSA)
         half = len(raw) // 2
         return encode_dss_signature(
             int.from_bytes(raw[:half], "big"), int.from_bytes(raw[half:], "big")
@@ -157,6 +170,16 @@ class Pkcs11Key(ec.EllipticCurvePrivateKey):
 def _session(module: str, label: str, pin: str) -> "pkcs11.Session":
     """One session for each token: a program logs in once, also if its configuration is reloaded."""
     return pkcs11.lib(module).get_token(token_label=label).open(user_pin=pin, rw=True)
+
+
+@contextmanager
+def _naming(token: str) -> Iterator[None]:
+    """Name the token in errors of its module."""
+    try:
+        yield
+    except (pkcs11.PKCS11Error, RuntimeError) as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise TokenError(f"token {token}: {why}") from error
 
 
 def _stays() -> TokenError:

@@ -1,8 +1,9 @@
 """Settings of signatures and pseudonyms."""
 
 from pathlib import Path
+from typing import Self
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, model_validator
 
 from onboard.settings import Settings
 
@@ -38,8 +39,14 @@ class SecuritySettings(Settings):
     """The folder that `onboard keys` wrote for this car. Without one, messages are sent as 1609.2
     unsecured data, and received messages are not verified."""
     token: TokenSettings | None = None
-    """Where the private keys are, if not in `keys_folder`."""
+    """Where the private keys are, if not in `keys_folder`, which has the certificates."""
     plate_digest: PlateDigestSettings = PlateDigestSettings()
     check_braking: bool = True
     """Whether hard braking is accepted only of a sender whose BSM speeds do not contradict it, and
     signers of alarms that nothing confirms are ignored. Off on a test bench: nothing slows down."""
+
+    @model_validator(mode="after")
+    def _has_certificates_beside_a_token(self) -> Self:
+        if self.token is not None and self.keys_folder is None:
+            raise ValueError("`token` needs `keys_folder`: without certificates nothing is signed")
+        return self

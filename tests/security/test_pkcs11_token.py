@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -13,11 +14,14 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from typer.testing import CliRunner
 
 from onboard.cli import app
+from onboard.config import CarConfig
+from onboard.errors import UserError
 from onboard.psid import BSM
 from onboard.security import key_files, p256, pkcs11_token
 from onboard.security.pkcs11_token import Pkcs11Token, TokenError
 from onboard.security.security_services import SecurityServices
 from onboard.security.settings import SecuritySettings, TokenSettings
+from onboard.settings import load_settings
 from onboard.tools.doctor.computer import examine_keys
 from onboard.tools.doctor.finding import FindingLevel
 
@@ -89,6 +93,29 @@ def test_a_key_that_the_token_does_not_have_is_named(token: Pkcs11Token) -> None
 
 
 @needs_token
+def test_a_token_that_fails_later_is_named(
+    token: Pkcs11Token, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pkcs11 = pkcs11_token.pkcs11
+    key = token.new_key()
+    wanted = {pkcs11.Attribute.CLASS: pkcs11.ObjectClass.PRIVATE_KEY}
+    for private in list(token._session.get_objects(wanted)):
+        private.destroy()
+    with pytest.raises(TokenError, match=r"token car: No key matching"):
+        token.key_of(key.public_key())
+    with pytest.raises(TokenError, match=r"token car: ObjectHandleInvalid"):
+        p256.sign(key, bytes(32))
+
+    def full(*_: object, **__: object) -> None:
+        raise pkcs11.DeviceMemory
+
+    session = SimpleNamespace(create_domain_parameters=full)
+    monkeypatch.setattr(token, "_session", session)
+    with pytest.raises(TokenError, match=r"token car: DeviceMemory"):
+        token.new_key()
+
+
+@needs_token
 def test_the_private_key_stays_in_the_token(token: Pkcs11Token) -> None:
     key = token.new_key()
     assert key.key_size == 256
@@ -151,6 +178,18 @@ def test_a_wrong_pin_and_a_missing_token_are_named(settings: TokenSettings, tmp_
         Pkcs11Token(settings.model_copy(update={"label": "bus"}))
     with pytest.raises(TokenError, match=r"pin: cannot be read: No such file"):
         Pkcs11Token(settings.model_copy(update={"pin_file": tmp_path / "pin"}))
+    (tmp_path / "pin").write_bytes(b"\xff")
+    with pytest.raises(TokenError, match=r"pin: is no text in UTF-8"):
+        Pkcs11Token(settings.model_copy(update={"pin_file": tmp_path / "pin"}))
+
+
+def test_a_token_without_certificates_is_a_mistake(tmp_path: Path) -> None:
+    config = tmp_path / "car.yaml"
+    config.write_text(
+        "car: {plate: ABC1234}\nsecurity: {token: {module: m.so, label: car, pin_file: pin}}\n"
+    )
+    with pytest.raises(UserError, match="security: `token` needs `keys_folder`"):
+        load_settings(config, CarConfig)
 
 
 def test_a_missing_library_is_named(tmp_path: Path) -> None:
