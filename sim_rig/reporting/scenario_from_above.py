@@ -1,6 +1,5 @@
 """Writes a run of a scenario as a page with the cars from above, from the traces in its folder."""
 
-import json
 import math
 from collections import defaultdict
 from dataclasses import replace
@@ -27,8 +26,12 @@ def show_scenario(folder: Path, page: Path) -> str:
         UserError: the folder holds no such run, a trace cannot be read, or `page` is a folder.
     """
     check_is_file(page)
-    animation = animate(_read(folder))
-    animation.title = folder.name
+    log = _read(folder)
+    try:
+        animation = animate(log)
+    except KeyError as missing:
+        raise _of_no_run(folder, missing) from missing
+    animation.title = folder.resolve().name
     animation.write(page)
     return f"{animation.title}: {animation.frames[-1].at:.0f} s. {animation.summary}"
 
@@ -87,6 +90,8 @@ def _add_warnings(frames: dict[float, MapFrame], log: RunLog, car: str) -> None:
                 match = match_object(log, car, alarm["vehicle"], log.at_s(alarm))
                 active[key] = None if match is None else match.true_car
             alarm = next(alarms)
+        if car not in frame.cars:  # not on the road
+            continue
         for (cause, _), other in active.items():
             here = frame.cars.get(other or car, frame.cars[car])[:2]
             frame.warned.append((car, cause, True, other, here))
@@ -105,9 +110,17 @@ def _read(folder: Path) -> RunLog:
         raise UserError(
             f"{folder}: holds no run of a scenario: {error.filename}: {error.strerror}"
         ) from error
-    except json.JSONDecodeError as error:
+    except ValueError as error:  # no JSON, or not UTF-8
         raise UserError(f"{folder}: a trace is broken: {error}") from error
-    start_s = min((each["stamp_s"] for each in rig if each["kind"] == "car_state"), default=None)
+    try:
+        states_s = [each["stamp_s"] for each in rig if each["kind"] == "car_state"]
+    except KeyError as missing:
+        raise _of_no_run(folder, missing) from missing
+    start_s = min(states_s, default=None)
     if start_s is None:
         raise UserError(f"{folder / _RIG}: has no positions of cars")
     return RunLog(start_s, traces, rig, {})
+
+
+def _of_no_run(folder: Path, missing: KeyError) -> UserError:
+    return UserError(f"{folder}: a trace is not of a scenario's run: no {missing}")

@@ -91,6 +91,14 @@ class RunLog:
 
 
 def read_trace(path: Path) -> list[Record]:
-    """Read a trace. An incomplete last line is left out."""
+    """Read a trace. An incomplete last line is left out.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: a line is no JSON object.
+    """
     text = path.read_text(encoding="utf-8")
-    return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    records = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    if not all(isinstance(record, dict) for record in records):
+        raise ValueError("a line is no JSON object")
+    return records

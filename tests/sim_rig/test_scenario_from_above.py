@@ -1,6 +1,7 @@
 """The page of a scenario's run: true positions, and what each car perceived and warned of."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,25 @@ def test_a_warning_of_one_vehicle_does_not_end_that_of_another() -> None:
     assert (at[1.1], at[1.2], at[2.9]) == (2, 1, 1)
 
 
+def test_a_warning_of_a_car_that_is_not_on_the_road_yet_is_not_drawn() -> None:
+    log = log_of()
+    late = replace(
+        log,
+        traces={**log.traces, "blue": [alarm(1.0, "warning")]},
+        rig=[*log.rig, state(2.0, "blue", 50.0)],
+    )
+    assert warned_at(late) == [2.0]
+
+
+def test_the_present_folder_is_titled_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run").mkdir()
+    log_of().write(tmp_path / "run")
+    monkeypatch.chdir(tmp_path / "run")
+    assert show_scenario(Path(), tmp_path / "run.html").startswith("run: ")
+
+
 @pytest.mark.long
 def test_perceived_vehicles_and_the_one_of_the_alarm_are_found_in_the_truth(tmp_path: Path) -> None:
     log = run_virtual(load_scenario("shared-detection"))
@@ -102,10 +122,14 @@ def test_perceived_vehicles_and_the_one_of_the_alarm_are_found_in_the_truth(tmp_
         (None, r"holds no run of a scenario: .*rig\.jsonl: No such file"),
         ("{\n", "a trace is broken"),
         ('{"stamp_s":0,"kind":"on_air"}\n', "has no positions of cars"),
+        ('{"stamp_s":0,"kind":"car_state"}\n', "a trace is not of a scenario's run: no 'car'"),
+        ('{"stamp_s":0}\n', "a trace is not of a scenario's run: no 'kind'"),
+        ("[]\n", "a trace is broken: a line is no JSON object"),
+        ("\x00\xff\n", "a trace is broken"),
     ],
 )
 def test_a_folder_without_a_run_is_refused(tmp_path: Path, rig: str | None, why: str) -> None:
     if rig is not None:
-        (tmp_path / "rig.jsonl").write_text(rig)
+        (tmp_path / "rig.jsonl").write_text(rig, encoding="latin-1")
     with pytest.raises(UserError, match=why):
         show_scenario(tmp_path, tmp_path / "run.html")
