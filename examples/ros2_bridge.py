@@ -23,9 +23,15 @@ POLLED_EVERY_S = 0.01
 
 RANGE_SIGMA_M = 1.5
 BEARING_SIGMA_RAD = 0.02
-"""Of detections whose pose has no covariance."""
+"""Of detections whose pose has no covariance, or none that can be."""
 
 MOST_RANGE_M = 500.0
+MOST_RANGE_SIGMA_M = 100.0
+MOST_BEARING_SIGMA_RAD = 1.0
+
+MOST_M_S2 = 20.0
+LONGEST_VALID_S = 1.0
+"""Of requests to brake; `onboard` asks for no more."""
 
 
 class VehicleNumbers:
@@ -72,8 +78,11 @@ class BrakeAcceleration:
         try:
             request = json.loads(datagram)
             asked_m_s2, valid_s = float(request["deceleration_m_s2"]), float(request["valid_s"])
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"no request to brake: {datagram[:80]!r}") from error
+            is_request = 0.0 <= asked_m_s2 <= MOST_M_S2 and 0.0 <= valid_s <= LONGEST_VALID_S
+        except (KeyError, TypeError, OverflowError, RecursionError):
+            is_request = False
+        if not is_request:
+            raise ValueError(f"no request to brake: {datagram[:80]!r}")
         self._acceleration_m_s2, self._valid_until_s = -asked_m_s2, now + valid_s
         return self._acceleration_m_s2
 
@@ -95,8 +104,12 @@ def _object(detection: Any, numbers: VehicleNumbers) -> dict[str, float]:
         xx, xy, yy = covariance[0], covariance[1], covariance[7]
         along_m2 = xx * along**2 + 2 * xy * along * across + yy * across**2
         across_m2 = xx * across**2 - 2 * xy * along * across + yy * along**2
-        range_sigma_m = math.sqrt(along_m2)
-        bearing_sigma_rad = math.sqrt(across_m2) / away_m
+        if (
+            0.0 < along_m2 <= MOST_RANGE_SIGMA_M**2
+            and 0.0 < across_m2 <= (away_m * MOST_BEARING_SIGMA_RAD) ** 2
+        ):
+            range_sigma_m = math.sqrt(along_m2)
+            bearing_sigma_rad = math.sqrt(across_m2) / away_m
     return {
         "id": numbers.number(detection.id),
         "range_m": _range_m(detection),

@@ -75,6 +75,16 @@ def test_the_covariance_of_the_pose_is_turned_to_range_and_bearing() -> None:
     assert (aside.range_sigma_m, aside.bearing_sigma_rad) == pytest.approx((0.2, 0.025))
 
 
+@pytest.mark.parametrize("variances", [(math.nan, 0.04), (-0.25, 0.04), (0.25, 0.0), (1e6, 1.0)])
+def test_a_covariance_that_is_none_leaves_the_sigmas_of_a_detection_without(
+    variances: tuple[float, float],
+) -> None:
+    covariance = [0.0] * 36
+    covariance[0], covariance[7] = variances
+    (vehicle,) = received(detection(20.0, 0.0, covariance=covariance)).cars
+    assert (vehicle.range_sigma_m, vehicle.bearing_sigma_rad) == (1.5, 0.02)
+
+
 def test_vehicles_keep_their_numbers_and_the_unusable_are_left_out() -> None:
     numbers = bridge.VehicleNumbers()
     sweeps = [
@@ -121,7 +131,23 @@ def test_a_request_that_ends_is_not_ended_again() -> None:
     assert not brake.has_ended(11.0)
 
 
-@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"{}", b'{"deceleration_m_s2": [1]}', b"\xff"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b"{}",
+        b'{"deceleration_m_s2": [1]}',
+        b"\xff",
+        b"[" * 60_000,
+        b'{"deceleration_m_s2": -3.0, "valid_s": 0.3}',
+        b'{"deceleration_m_s2": NaN, "valid_s": 0.3}',
+        b'{"deceleration_m_s2": 1e999, "valid_s": 0.3}',
+        b'{"deceleration_m_s2": 3.0, "valid_s": Infinity}',
+        b'{"deceleration_m_s2": 3.0, "valid_s": 1' + b"0" * 400 + b"}",
+    ],
+)
 def test_other_datagrams_are_refused_and_end_nothing(data: bytes) -> None:
     brake = bridge.BrakeAcceleration()
     brake.receive_request(request(5.25), now=10.0)
