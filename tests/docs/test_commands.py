@@ -1,0 +1,39 @@
+"""The commands of the pages: their names exist, so that a reader can type them."""
+
+import re
+from pathlib import Path
+
+import pytest
+import typer
+
+from onboard.cli import app as onboard
+from sim_rig.cli import app as sim_rig
+from sim_rig.scenario.catalogue import scenario_names
+from sim_rig.studies.catalogue import study_names
+from tests.docs.test_pages import PAGES, ROOT, name_of
+
+COMMANDS = {
+    "onboard": set(typer.main.get_command(onboard).commands),
+    "sim-rig": set(typer.main.get_command(sim_rig).commands),
+}
+TARGETS = set(re.findall(r"(?m)^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8")))
+BENCHES = {path.stem for path in (ROOT / "bench").glob("*.py")}
+
+
+def named(pattern: str, page: Path) -> set[str]:
+    """Every word in what the group of `pattern` matches."""
+    return {
+        name for found in re.findall(pattern, page.read_text("utf-8")) for name in found.split()
+    }
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_command_that_a_page_names_exists(page: Path) -> None:
+    for program, commands in COMMANDS.items():
+        assert named(rf"(?m)(?:\.venv/bin/|`|^    ){program} ([a-z]\w*)", page) <= commands
+    assert named(r"sim-rig (?:run|ladder) (?:--virtual )?([a-z][\w-]*)", page) <= set(
+        scenario_names()
+    )
+    assert named(r"sim-rig study ((?:[a-z][\w-]* ?)+)", page) <= set(study_names())
+    assert named(r"(?m)(?:`|^    )make ([a-z-]+)", page) <= TARGETS
+    assert named(r"python -m bench[ .]([a-z]\w*)", page) <= BENCHES
