@@ -32,7 +32,8 @@ def read_gnss_log(path: Path) -> Iterator[Position | Discarded]:
     What is discarded before the first position gets its stamp.
 
     Raises:
-        GnssLogError: the file cannot be read, or is binary and gpsdecode is missing or refuses it.
+        GnssLogError: the file cannot be read, is binary and gpsdecode is missing or refuses it, or
+            has faults and no position.
     """
     undated: list[Discarded] = []
     began = False
@@ -44,6 +45,8 @@ def read_gnss_log(path: Path) -> Iterator[Position | Discarded]:
             yield replace(undated.pop(0), stamp_s=event.stamp_s)
         began = True
         yield event
+    if undated:
+        raise GnssLogError(f"{path}: no position that can be used: {undated[0].detail}")
 
 
 def _events(path: Path) -> Iterator[Position | Discarded]:

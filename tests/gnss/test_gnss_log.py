@@ -79,6 +79,13 @@ def test_gpsds_reports_are_found_wherever_they_begin(tmp_path, text):
     assert [each.stamp_s % 60 for each in positions] == [1, 2]
 
 
+def test_a_log_of_which_no_position_can_be_used_says_why(tmp_path):
+    log = tmp_path / "gpspipe.json"
+    log.write_text('{"class":"TPV","mode":3,"lat":52.0,"lon":13.0}\n')
+    with pytest.raises(UserError, match=r"json: no position .* needs the time of each fix"):
+        list(read_gnss_log(log))
+
+
 def test_a_binary_log_without_gpsdecode_names_what_is_missing(tmp_path, monkeypatch):
     log = tmp_path / "drive.ubx"
     log.write_bytes(b"\xb5\x62\x01\x07" * 100)
