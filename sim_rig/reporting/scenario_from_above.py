@@ -123,4 +123,4 @@ def _read(folder: Path) -> RunLog:
 
 
 def _of_no_run(folder: Path, missing: KeyError) -> UserError:
-    return UserError(f"{folder}: a trace is not of a scenario's run: no {missing}")
+    return UserError(f"{folder}: no run of this version: a record has no {missing}")
