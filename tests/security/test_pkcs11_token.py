@@ -130,7 +130,7 @@ def test_the_private_key_stays_in_the_token(token: Pkcs11Token) -> None:
 
 @needs_token
 def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
-    settings: TokenSettings, tmp_path: Path
+    settings: TokenSettings, token: Pkcs11Token, tmp_path: Path
 ) -> None:
     config = tmp_path / "car.yaml"
     config.write_text(
@@ -170,6 +170,11 @@ def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
     assert findings == {FindingLevel.GOOD}
     with pytest.raises(key_files.KeyFilesError, match=r"000\.key: cannot be read"):
         key_files.read_credentials(tmp_path / "car")
+    keys = len(list(token._session.get_objects()))
+    again = ["keys", "car", str(tmp_path / "car"), "--issuing", str(tmp_path / "issuing")]
+    refused = CliRunner().invoke(app, [*again, "--config", str(config)])
+    assert str(refused.exception) == f"{tmp_path / 'car'}: cannot be made: File exists"
+    assert len(list(token._session.get_objects())) == keys
 
 
 @needs_token

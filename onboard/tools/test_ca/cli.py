@@ -104,6 +104,8 @@ def car(
     token = None if config is None else load_settings(config, CarConfig).security.token
     if config is not None and (token is None or implicit):
         raise UserError(f"{config}: --config needs security.token, and explicit certificates")
+    if folder.exists():  # before a token is filled with keys
+        raise key_files.KeyFilesError(f"{folder}: cannot be made: File exists")
     new_key = p256.new_key if token is None else Pkcs11Token(token).new_key
     made = authority.make_pseudonyms(
         issuer, count, _numbers(psid), new_key=new_key, implicit=implicit, **_valid(days)
