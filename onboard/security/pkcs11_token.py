@@ -168,8 +168,18 @@ class Pkcs11Key(ec.EllipticCurvePrivateKey):
 
 @cache
 def _session(module: str, label: str, pin: str) -> "pkcs11.Session":
-    """One session for each token: a program logs in once, also if its configuration is reloaded."""
-    return pkcs11.lib(module).get_token(token_label=label).open(user_pin=pin, rw=True)
+    """One session for each token: a program logs in once, also if its configuration is reloaded.
+
+    Raises:
+        PKCS11Error, RuntimeError: it cannot be opened, or has one try left for a right PIN. A
+            service starts again and again, and would lock it.
+    """
+    token = pkcs11.lib(module).get_token(token_label=label)
+    if token.flags & pkcs11.TokenFlag.USER_PIN_FINAL_TRY:
+        raise RuntimeError(
+            "a wrong PIN would lock it; correct pin_file, and log in once with pkcs11-tool --login"
+        )
+    return token.open(user_pin=pin, rw=True)
 
 
 @contextmanager

@@ -197,6 +197,35 @@ def test_a_token_without_certificates_is_a_mistake(tmp_path: Path) -> None:
         load_settings(config, CarConfig)
 
 
+def test_a_token_is_not_locked_by_a_service_that_starts_again_and_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pin").write_text("a wrong one")
+    module = pytest.importorskip("pkcs11")
+    tries_left = 3
+
+    class Token:
+        @property
+        def flags(self) -> object:
+            return module.TokenFlag.USER_PIN_FINAL_TRY if tries_left == 1 else module.TokenFlag(0)
+
+        def open(self, **_: object) -> None:
+            nonlocal tries_left
+            tries_left -= 1
+            raise module.PinIncorrect
+
+    library = SimpleNamespace(get_token=lambda token_label: Token())
+    monkeypatch.setattr(module, "lib", lambda _: library)
+    given = TokenSettings(module=tmp_path / "so", label="card", pin_file=tmp_path / "pin")
+    for _ in range(2):
+        with pytest.raises(TokenError, match=r"token card of .*so: PinIncorrect"):
+            Pkcs11Token(given)
+    for _ in range(5):
+        with pytest.raises(TokenError, match=r"a wrong PIN would lock it.*pkcs11-tool --login"):
+            Pkcs11Token(given)
+    assert tries_left == 1
+
+
 def test_a_missing_library_is_named(tmp_path: Path) -> None:
     (tmp_path / "pin").write_text(PIN)
     given = TokenSettings(module=tmp_path / "no.so", label="car", pin_file=tmp_path / "pin")
