@@ -8,7 +8,7 @@ from typing import NamedTuple
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
-from onboard.messages.lanes import GenericLane, LaneDirection
+from onboard.messages.lanes import UNKNOWN_SIGNAL_GROUP, GenericLane, LaneDirection
 from onboard.messages.map_data import IntersectionGeometry
 
 DEFAULT_WIDTH_M = 3.5
@@ -122,14 +122,18 @@ def approach_lanes(geometry: IntersectionGeometry, frame: LocalFrame) -> tuple[A
 
 
 def _signal_groups(lane: GenericLane) -> frozenset[int]:
-    """Return the signals of a lane; none of a lane that is not for vehicles, or leads away."""
+    """Return the signals of a lane; none of a lane that is not for vehicles, or leads away.
+
+    A way without a signal beside others counts as one with an unknown signal: it may be free.
+    """
     attributes = lane.lane_attributes
     if attributes.lane_type.name != "vehicle":
         return frozenset()
     if LaneDirection.INGRESS_PATH not in attributes.directional_use:
         return frozenset()
-    connections = lane.connects_to or ()
-    return frozenset(each.signal_group for each in connections if each.signal_group is not None)
+    ways = lane.connects_to or ()
+    groups = frozenset(each.signal_group or UNKNOWN_SIGNAL_GROUP for each in ways)
+    return groups if any(groups) else frozenset()
 
 
 def _points(course: Chosen, frame: LocalFrame) -> Sequence[Point]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from onboard.errors import DecodeError
+from onboard.messages.lanes import PERMANENTLY_GREEN, UNKNOWN_SIGNAL_GROUP
 from onboard.messages.spat import (
     HOUR_S,
     IntersectionState,
@@ -90,6 +91,8 @@ def signal_phases(state: IntersectionState, sent_utc_s: float) -> Mapping[int, S
         raise DecodeError("dark", ", ".join(_names(state.status & DARK)))
     phases: dict[int, SignalPhase] = {}
     for movement in state.states:
+        if movement.signal_group in {UNKNOWN_SIGNAL_GROUP, PERMANENTLY_GREEN}:
+            continue
         phase = _phase(movement, sent_utc_s % HOUR_S)
         if phases.setdefault(movement.signal_group, phase) != phase:
             raise DecodeError("contradictory", f"two phases of group {movement.signal_group}")

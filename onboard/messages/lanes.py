@@ -23,7 +23,9 @@ from onboard.messages.record import Record
 
 DESCRIPTIVE_NAME = Ia5String(1, 63)
 SIGNAL_GROUP = Integer(0, 255)
-"""SignalGroupID; 0 is unknown, 255 permanently green."""
+UNKNOWN_SIGNAL_GROUP = 0
+PERMANENTLY_GREEN = 255
+"""SignalGroupIDs of ways whose signal no SPAT message shows."""
 
 
 class LaneDirection(IntFlag):

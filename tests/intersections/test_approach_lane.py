@@ -9,7 +9,7 @@ from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import map_data
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
-from onboard.messages.lanes import OtherLane
+from onboard.messages.lanes import UNKNOWN_SIGNAL_GROUP, OtherLane
 from tests.messages.crossing_messages import crossing_map, lane
 
 FRAME = LocalFrame(42.0, -83.0)
@@ -59,6 +59,14 @@ def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it():
     beside = replace(EASTWARDS, lane_id=5, node_list=Chosen("computed", computed))
     found = lanes_of(EASTWARDS, beside)
     assert found[1].points_m == ((-8.0, -3.5), (-60.0, -3.5), (-200.0, -3.5))
+
+
+@pytest.mark.parametrize("group", [None, 0])
+def test_a_way_without_a_signal_or_with_an_unknown_one_counts_as_unknown(group):
+    (straight,) = EASTWARDS.connects_to
+    ways = (straight, replace(straight, signal_group=group))
+    (found,) = lanes_of(replace(EASTWARDS, connects_to=ways))
+    assert found.signal_groups == {2, UNKNOWN_SIGNAL_GROUP}
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,18 @@ def test_red_until_arrival_has_the_distance(listener):
     assert listener.core.red_light_m(EASTWARDS) is None, "it has green"
 
 
+def test_red_is_not_on_all_ways_of_a_lane_with_one_that_has_no_signal():
+    (geometry,) = crossing_map().intersections
+    northwards = geometry.lanes[1]
+    (straight,) = northwards.connects_to
+    ways = (straight, replace(straight, signal_group=None))
+    lanes = (geometry.lanes[0], replace(northwards, connects_to=ways), *geometry.lanes[2:])
+    one = Listener()
+    one.hears(replace(crossing_map(), intersections=(replace(geometry, lanes=lanes),)))
+    one.hears(crossing_spat())
+    assert one.core.red_light_m(NORTHWARDS) is None
+
+
 def test_red_that_may_end_before_arrival_is_not():
     one = Listener()
     one.hears(crossing_map())

@@ -89,6 +89,11 @@ def test_a_dark_signal_has_no_phase(state):
     assert list(phases_of(movement(2, state, None), movement(4, RED, 20.0))) == [4]
 
 
+def test_groups_that_name_no_signal_have_no_phase():
+    unknown = [movement(0, RED, 20.0), movement(0, GREEN, 2.0), movement(255, RED, 20.0)]
+    assert list(phases_of(*unknown, movement(4, RED, 20.0))) == [4]
+
+
 def test_a_phase_runs_down_and_ends_with_its_latest_time():
     phase = SignalPhase(GREEN, 2.0, 5.0, 3.0)
     assert phase.after(2.5) == SignalPhase(GREEN, 0.0, 2.5, 0.5)
