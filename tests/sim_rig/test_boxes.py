@@ -1,5 +1,6 @@
 """The file of a box, and the verdict on a run with one."""
 
+import os
 import re
 import socket
 from collections.abc import Iterator
@@ -26,8 +27,9 @@ from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario, load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "box"
-BUS, CAMERA, UNIT = 47101, 47102, 47103
-"""Ports of the rig, below those that Linux gives away by itself."""
+BUS = 20_000 + os.getpid() % 500 * 20
+CAMERA, UNIT = BUS + 1, BUS + 2
+"""Ports of the rig: below those that Linux gives away by itself, others in each process."""
 
 
 @pytest.fixture
