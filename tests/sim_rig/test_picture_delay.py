@@ -60,6 +60,7 @@ def test_a_car_that_sees_no_plate_has_no_delay() -> None:
     assert picture_delay(log, "red", {}) is None
 
 
+@pytest.mark.long
 def test_in_virtual_time_pictures_have_no_delay() -> None:
     scenario = load_scenario("fig4")
     plates = {str(car.plate): name for name, car in scenario.cars.items()}
