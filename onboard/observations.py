@@ -216,7 +216,7 @@ class Position:
     """Standard deviation of each horizontal axis."""
     speed_m_s: float | None
     course_rad: float | None
-    """Clockwise from true north."""
+    """Clockwise from true north, from 0 to 2 pi."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 Field names, ranges and steps are those of SAE J2735 (2016 and 2020 agree here).
 """
 
-import math
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import Annotated
@@ -21,6 +20,7 @@ from onboard.messages.bsm_core import (
 from onboard.messages.date_time import DateTime
 from onboard.messages.fields import (
     BitString,
+    Direction,
     Enumerated,
     Integer,
     OpenBitString,
@@ -133,9 +133,7 @@ class PathHistoryPoint:
     age_s: Annotated[float | None, Quantity(1, 65534, 0.01, "s", unavailable=65535)]
     speed_m_s: Annotated[float | None, Optional(SPEED)] = None
     accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)] = None
-    heading_rad: Annotated[
-        float | None, Optional(Quantity(0, 239, math.radians(1.5), "rad", unavailable=240))
-    ] = None
+    heading_rad: Annotated[float | None, Optional(Direction(240))] = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ packed encoding rules (UPER, ITU-T X.691). `FixedPoint`, `Unsigned` and `OpenEnu
 declared width, as the fields of LCCA messages and of the MVS footer.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -176,6 +177,25 @@ class Quantity(FixedField):
         if self.unavailable is None:
             raise ValueError("is never unavailable")
         return self.unavailable
+
+
+class Direction(Quantity):
+    """A direction in rad, whole turns aside: -90 degrees are sent as 270."""
+
+    def __init__(self, steps: int) -> None:
+        """Declare INTEGER (0..steps).
+
+        Args:
+            steps: of a full turn; also the code that stands for `None`.
+        """
+        super().__init__(0, steps - 1, math.tau / steps, "rad", unavailable=steps)
+        self._steps = steps
+
+    @override
+    def to_raw(self, value: float | None) -> int:
+        if value is None:
+            return self._unavailable_code()
+        return round(value * self._per_unit) % self._steps
 
 
 class FixedPoint(Quantity):

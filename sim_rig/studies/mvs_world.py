@@ -300,7 +300,7 @@ class MvsWorld:
             None,
             settings.position_sigma_m,
             math.hypot(east_m_s, north_m_s),
-            math.atan2(east_m_s, north_m_s),
+            math.atan2(east_m_s, north_m_s) % math.tau,
         )
 
     def _record_measurement(self, car: str, other: str, detection: VehicleDetection) -> None:

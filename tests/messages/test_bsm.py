@@ -244,6 +244,13 @@ RAW_CORE = {
 }
 
 
+@pytest.mark.parametrize(("sent_deg", "received_deg"), [(-90, 270), (359.999, 0), (725, 5)])
+def test_a_heading_is_sent_without_its_whole_turns(sent_deg, received_deg):
+    core = CoreData(1, bytes(4), heading_rad=math.radians(sent_deg))
+    received = bsm.decode(bsm.encode(BasicSafetyMessage(core))).core.heading_rad
+    assert received == pytest.approx(math.radians(received_deg))
+
+
 def test_every_quantity_has_its_si_value():
     core = bsm.decode(framed(RAW_CORE)).core
     assert (core.msg_cnt, core.temporary_id, core.sec_mark_s) == (127, b"\xde\xad\xbe\xef", 59.999)

@@ -1,6 +1,9 @@
 """The studies' world: footers passed as decoded values give the same results as bytes."""
 
+import math
+
 import numpy as np
+import pytest
 
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
@@ -142,17 +145,22 @@ def test_over_the_channel_near_cars_receive_and_far_cars_do_not() -> None:
 
 
 def test_receivers_get_the_bsms_of_their_neighbours() -> None:
-    """With the sender's size and speed; its own are not among them."""
+    """With the sender's size, speed and heading, east or west; its own are not among them."""
     road = SixLaneRoad(2, 25.0, 1.0, 1.0, np.random.default_rng(1))
-    world = MvsWorld(road, set(road.names[:4]), WorldSettings(), SETTINGS, seed=1)
+    equipped = road.names[::3]
+    world = MvsWorld(road, set(equipped), WorldSettings(), SETTINGS, seed=1)
     for _ in range(3):
         world.tick()
     cars = world.traffic.cars_at(world.now)
+    names = {world.own_id(name): name for name in equipped}
 
-    assert set(world.received) == set(road.names[:4])
+    assert set(world.received) == set(equipped)
     for receiver, messages in world.received.items():
-        senders = {each.core.temporary_id for each in messages}
-        assert senders == {world.own_id(name) for name in road.names[:4] if name != receiver}
-        for each in messages:
-            assert each.core.size.length_m == round(float(cars.length_m[0]), 2)
-            assert abs(each.core.speed_m_s - cars.speed_m_s[0]) < 5.0
+        senders = [names[each.core.temporary_id] for each in messages]
+        assert set(senders) == set(equipped) - {receiver}
+        for name, each in zip(senders, messages, strict=True):
+            car = cars.names.index(name)
+            assert each.core.size.length_m == round(float(cars.length_m[car]), 2)
+            assert each.core.speed_m_s == pytest.approx(cars.speed_m_s[car], abs=1.0)
+            ahead = math.sin(each.core.heading_rad), math.cos(each.core.heading_rad)
+            assert ahead == pytest.approx(cars.ahead[car], abs=0.1)
