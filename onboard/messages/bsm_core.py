@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, IntFlag
 from typing import Annotated
 
-from onboard.messages.fields import BitString, Direction, Enumerated, Integer, OctetString, Quantity
+from onboard.messages.fields import Angle, BitString, Enumerated, Integer, OctetString, Quantity
 from onboard.messages.record import Record
 from onboard.units import STANDARD_GRAVITY_M_S2
 
@@ -16,7 +16,7 @@ LATITUDE = Quantity(-900_000_000, 900_000_000, 1e-7, "deg", unavailable=900_000_
 LONGITUDE = Quantity(-1_799_999_999, 1_800_000_000, 1e-7, "deg", unavailable=1_800_000_001)
 ELEVATION = Quantity(-4095, 61439, 0.1, "m", unavailable=-4096)
 SPEED = Quantity(0, 8190, 0.02, "m/s", unavailable=8191)
-HEADING = Direction(28800)
+HEADING = Angle(28800)
 _ACCELERATION = Quantity(-2000, 2000, 0.01, "m/s2", unavailable=2001)
 _SEMI_AXIS = Quantity(0, 254, 0.05, "m", unavailable=255)
 
@@ -72,7 +72,7 @@ class PositionalAccuracy:
 
     semi_major_m: Annotated[float | None, _SEMI_AXIS] = None
     semi_minor_m: Annotated[float | None, _SEMI_AXIS] = None
-    orientation_rad: Annotated[float | None, Direction(65535)] = None
+    orientation_rad: Annotated[float | None, Angle(65535)] = None
     """Direction of the major axis, clockwise from true north."""
 
 

@@ -19,8 +19,8 @@ from onboard.messages.bsm_core import (
 )
 from onboard.messages.date_time import DateTime
 from onboard.messages.fields import (
+    Angle,
     BitString,
-    Direction,
     Enumerated,
     Integer,
     OpenBitString,
@@ -133,7 +133,7 @@ class PathHistoryPoint:
     age_s: Annotated[float | None, Quantity(1, 65534, 0.01, "s", unavailable=65535)]
     speed_m_s: Annotated[float | None, Optional(SPEED)] = None
     accuracy: Annotated[PositionalAccuracy | None, Optional(POSITIONAL_ACCURACY)] = None
-    heading_rad: Annotated[float | None, Optional(Direction(240))] = None
+    heading_rad: Annotated[float | None, Optional(Angle(240))] = None
 
 
 @dataclass(frozen=True, slots=True)

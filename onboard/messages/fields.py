@@ -179,7 +179,7 @@ class Quantity(FixedField):
         return self.unavailable
 
 
-class Direction(Quantity):
+class Angle(Quantity):
     """A direction in rad, whole turns aside: -90 degrees are sent as 270."""
 
     def __init__(self, steps: int) -> None:
