@@ -2,7 +2,8 @@
 
 Steps differ in the sensors, in who brakes (the warned driver only, or the car too by the request of
 its alarms), in the alarm (the paper's or the car's), and in the vehicles that count (the two of the
-crash, as in the paper, or any). All steps see the same events with the same drivers.
+crash, as in the paper, or any). All steps see the same events with the same drivers. Before them
+stands what warnings can avoid at best.
 """
 
 import math
@@ -32,6 +33,7 @@ from sim_rig.studies.mvs_encounter import EncounterSettings, Method
 from sim_rig.studies.mvs_outcomes import CrashOutcome
 from sim_rig.studies.mvs_profiles import WORLD_PROFILES
 from sim_rig.studies.mvs_scenes import SceneName
+from sim_rig.studies.mvs_world import WorldSettings
 from sim_rig.studies.results import write_results
 
 _CROSSING_DEG = 30.0
@@ -41,10 +43,17 @@ _CROSSING_DEG = 30.0
 class Driver(StrEnum):
     """Who acts on an alarm."""
 
+    ONSET = "onset"
+    """The driver, if warned when the event begins: the most that warnings can avoid. No sensor,
+    message or alarm is simulated for it."""
     WARNED = "warned"
     """The driver, after the reaction time."""
     BRAKES = "brakes"
     """The car too, as its core requests (docs/design/brake_request.md)."""
+
+
+_NO_PROFILE = "none"
+"""Sensors of `Driver.ONSET`."""
 
 
 def _is_profile(name: str) -> str:
@@ -74,7 +83,7 @@ class AblationSettings(Settings):
         "camera-60",
         "plate-camera",
     )
-    """Sensors; the paper's alarm is evaluated with the first."""
+    """Sensors; the paper's alarm is evaluated with the first, for warned drivers."""
     drivers: Several[Driver] = tuple(Driver)
     unaffected_every: int = Field(10, ge=1, le=100)
     """As of `mvs-figure9`."""
@@ -123,7 +132,8 @@ def run(
     rows = run_campaign(one_run, settings, numbers, out_dir / "runs", workers or Workers())
     table = ablation_table(settings, rows)
     write_results(out_dir, _Line._fields, table, settings, _draw(table))
-    first, last = table[0], table[-1]
+    lines = [line for line in table if line.crashes == "all"]
+    first, last = lines[0], lines[-1]
     return (
         f"from {first.reduction:.1%} ({first.profile}, {first.alarm} alarm) to"
         f" {last.reduction:.1%} ({last.profile}, {last.alarm} alarm) of {first.pairs} pairs"
@@ -143,17 +153,22 @@ def one_run(settings: AblationSettings, number: int) -> Row:
 
 def _steps(settings: AblationSettings) -> list[tuple[str, Driver]]:
     """Profiles and drivers that are run; alarms and counting are columns of the same runs."""
-    return [(profile, driver) for driver in settings.drivers for profile in settings.profiles]
+    return [
+        (profile, driver)
+        for driver in settings.drivers
+        for profile in (settings.profiles if driver is not Driver.ONSET else (_NO_PROFILE,))
+    ]
 
 
 def _collision(settings: AblationSettings, profile: str, driver: Driver) -> CollisionSettings:
     request = BrakeRequestSettings() if driver is Driver.BRAKES else None
-    common = {"world": WORLD_PROFILES[profile], "brake_request": request}
+    world = WORLD_PROFILES.get(profile, WorldSettings())
+    common = {"world": world, "brake_request": request}
     return CollisionSettings(
         seed=settings.seed,
         kinds=settings.kinds,
         shares=(settings.share,),
-        methods=(Method.MVS,),
+        methods=(Method.ONSET if driver is Driver.ONSET else Method.MVS,),
         compared_at=None,
         unaffected_every=settings.unaffected_every,
         encounter=settings.encounter.model_copy(update=common),
@@ -187,10 +202,11 @@ def ablation_table(settings: AblationSettings, rows: Sequence[Row]) -> list[_Lin
                 if (row["profile"], row["driver"]) == (profile, driver.value)
                 and _event(row) in events
             ]
-            is_first = (profile, driver) == _steps(settings)[0]
-            counted = [("car's", "any")]
-            if driver is Driver.WARNED:
-                counted = [("car's", "two"), *counted]
+            is_first = (profile, driver) == (settings.profiles[0], Driver.WARNED)
+            alarm = "at the onset" if driver is Driver.ONSET else "car's"
+            counted = [(alarm, "any")]
+            if driver is not Driver.BRAKES:
+                counted = [(alarm, "two"), *counted]
             if is_first:
                 counted = [("paper's", "two"), ("paper's", "any"), *counted]
             lines += [
@@ -242,11 +258,11 @@ def _line(
 def _avoided(row: Row, before: Row, alarm: str, counted: str) -> float:
     """Expected crashes that a run avoids, less those that it causes."""
     if row["outcome"] is None:  # no crash without radios: a warning may cause one
-        counts = alarm == "car's" and counted == "any"
+        counts = alarm != "paper's" and counted == "any"
         return -float(row["weight"]) * float(row["crash"]) if counts else 0.0
     if row["outcome"] == CrashOutcome.NO_RADIO.value:
         return float(row["weight"]) * (float(before["crash"]) - float(row["crash"]))
-    if alarm == "car's":
+    if alarm != "paper's":
         happens = row["crash"] if counted == "any" else row["outcome"] not in _TWO_AVOIDED
     else:
         happens = row["paper_alarm_crash" if counted == "any" else "paper_alarm_same_pair"]

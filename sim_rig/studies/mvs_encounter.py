@@ -1,7 +1,7 @@
 """One traffic event among many cars: which drivers are warned in time, and whether cars crash."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -52,6 +52,9 @@ class Method(StrEnum):
     """As `OWN`, and shares evidence, chosen at random (RS)."""
     MVS = "mvs"
     """As `OWN`, and shares evidence, chosen by the paper's selective broadcasting."""
+    ONSET = "onset"
+    """Drivers who can avoid the crash and have a radio are warned when the event begins: the most
+    that a warning can avoid, whatever is sensed and shared."""
 
 
 class EncounterSettings(Settings):
@@ -172,6 +175,14 @@ class Encounters:
         before = self._crash_without_radios(case.kind, seed)
         equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), of)
         pair = None if before is None else CrashPair(before, _can_act(before, of))
+        if case.method is Method.ONSET:
+            if before is not None and pair is not None:
+                for name in equipped:
+                    pair.receive_warning(name, event.at_s)
+                warned = {name: event.at_s for name in equipped if pair.can_act(name)}
+                outcome.crash = self._run_with_warnings(case, seed, before, warned)
+                outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
+            return outcome
         world = self._world(case, seed, traffic, equipped)
         equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair)
         while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
@@ -183,7 +194,7 @@ class Encounters:
             outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
             outcome.known_before_s, outcome.warned_before_s = pair.lead_times_s()
             outcome.paper_alarm_before_s = pair.paper_alarm_lead_s()
-            again = self._run_with_paper_alarm(case, seed, before, pair)
+            again = self._run_with_warnings(case, seed, before, pair.paper_alarm_at)
             outcome.paper_alarm_crash = again
             outcome.paper_alarm_same_pair = again is not None and pair.is_same_pair(again)
         return outcome
@@ -200,17 +211,17 @@ class Encounters:
     def _traffic(self, of: SampledEvent, seed: int) -> DisturbedTraffic:
         return DisturbedTraffic(of.recording, of.event, self._settings.reactions, seed)
 
-    def _run_with_paper_alarm(
-        self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair
+    def _run_with_warnings(
+        self, case: EncounterCase, seed: int, before: Crash, warned_at_s: Mapping[str, float]
     ) -> Crash | None:
-        """Simulate the event again with drivers who react to the paper's true alarms."""
-        if not pair.paper_alarm_at:
+        """Simulate the event again; these drivers are warned from then on, and nobody else is."""
+        if not warned_at_s:
             return before
         of = self.event(case.kind, seed)
         event, traffic = of.event, self._traffic(of, seed)
 
         def warn(traffic: DisturbedTraffic, now: float) -> None:
-            for name, from_s in pair.paper_alarm_at.items():
+            for name, from_s in warned_at_s.items():
                 if from_s <= now <= before.at_s:
                     traffic.warn(name, now)
 

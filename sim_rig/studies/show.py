@@ -35,6 +35,7 @@ _METHODS = {
     Method.MEASUREMENTS_ONLY: "MO",
     Method.RANDOM: "RS",
     Method.MVS: "MVS",
+    Method.ONSET: "warned at the onset",
 }
 _OUTCOMES = {
     CrashOutcome.NO_RADIO: "it happens again: no car that could act has a radio",

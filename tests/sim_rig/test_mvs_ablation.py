@@ -37,7 +37,7 @@ def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> lis
 
 def test_a_step_counts_what_it_says() -> None:
     """With the car's alarm, one crash becomes another one: for the two of the event, it is none."""
-    rows = [
+    rows = rows_of_step("none", Driver.ONSET, ("avoided", "another")) + [
         row
         for driver, outcome in ((Driver.WARNED, "another"), (Driver.BRAKES, "avoided"))
         for profile in SETTINGS.profiles
@@ -48,6 +48,8 @@ def test_a_step_counts_what_it_says() -> None:
 
     steps = [tuple(line[key] for key in KEYS) for line in table if line["crashes"] == "all"]
     assert steps == [
+        ("none", "onset", "at the onset", "two"),
+        ("none", "onset", "at the onset", "any"),
         ("paper", "warned", "paper's", "two"),
         ("paper", "warned", "paper's", "any"),
         ("paper", "warned", "car's", "two"),
@@ -61,9 +63,9 @@ def test_a_step_counts_what_it_says() -> None:
         crashes: [line["reduction"] for line in table if line["crashes"] == crashes]
         for crashes in ("all", "crossing", "rear-end")
     }
-    assert reductions["crossing"] == [0.25, 0.25, 0.25, 0.0, 0.25, 0.0, 0.25, 0.25]
-    assert reductions["rear-end"] == [0.25, 0.25, *6 * [0.0]]
-    assert reductions["all"][:4] == [0.25, 0.25, 0.125, 0.0]
+    assert reductions["crossing"] == [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.25, 0.0, 0.25, 0.25]
+    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
+    assert reductions["all"][:6] == [0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
     assert {line["avoidable"] for line in table} == {0.25}
 
 
@@ -82,6 +84,7 @@ def test_the_ablation_is_written(tmp_path: Path) -> None:
 
     with (tmp_path / "out/table.csv").open() as file:
         lines = list(csv.DictReader(file))
-    assert {line["driver"] for line in lines} == {"warned", "brakes"}
+    assert {line["driver"] for line in lines} == {"onset", "warned", "brakes"}
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
+    assert summary.startswith("from 100.0% (none, at the onset alarm)")
     assert "camera-60" in summary

@@ -10,6 +10,7 @@ import pytest
 from onboard.errors import UserError
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
+from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies import mvs_events, mvs_scenes
 from sim_rig.studies.campaign import CampaignError, Workers
@@ -208,6 +209,33 @@ def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("warned_median_s", "follower_has_radio", "outcome"),
+    [
+        (0.3, True, CrashOutcome.AVOIDED),
+        (0.3, False, CrashOutcome.NO_RADIO),
+        (5.0, True, CrashOutcome.TOO_LATE),
+    ],
+)
+def test_a_warning_at_the_onset_reaches_those_who_can_act(
+    tmp_path: Path, warned_median_s: float, follower_has_radio: bool, outcome: CrashOutcome
+) -> None:
+    """The first of two cars brakes; both drivers have the same reaction time to warnings."""
+    reactions = ReactionSettings(distracted=1.0, warned_median_s=warned_median_s)
+    trace = write_lane(tmp_path / "lane.csv", 2)
+    lane = Encounters(EncounterSettings(scenes=(trace,), reactions=reactions))
+    brake = TrafficEventKind.SUDDEN_BRAKE
+    crash = lane.run(EncounterCase(brake, Method.NONE, 0.0), seed=1).crash
+    assert crash is not None
+    radios = {"car0": True, "car1": follower_has_radio}
+    pair_radios = tuple(radios[name] for name in crash.names)
+
+    onset = lane.run(EncounterCase(brake, Method.ONSET, 1.0, pair_radios=pair_radios), seed=1)
+
+    assert onset.crash_outcome is outcome
+    assert (onset.crash is None) == (outcome is CrashOutcome.AVOIDED)
+
+
 def test_a_car_that_reaches_the_event_later_has_a_radio() -> None:
     scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
     all_cars = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
