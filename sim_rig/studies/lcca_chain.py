@@ -33,7 +33,14 @@ from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaign import Row, Workers, run_campaign
 from sim_rig.studies.lcca_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
-from sim_rig.studies.platoon_sight import LENSES, AssumedSight, MeasuredSight, Sight, car_id_of
+from sim_rig.studies.platoon_sight import (
+    LENSES,
+    AssumedSight,
+    ClearView,
+    MeasuredSight,
+    Sight,
+    car_id_of,
+)
 from sim_rig.studies.results import write_results
 
 _STEP_S = 0.01
@@ -246,8 +253,9 @@ class _Platoon:
             reach_m = math.inf if sight == "unlimited" else float(sight)
             return AssumedSight(gap_m, plate, phase_s, reach_m)
         identification = Identification(self._ids[car], _temporary_id(car), rng)
+        seen = [("ahead", SceneCar(gap_m, plate=plate))]
         return MeasuredSight(
-            identification, SceneCar(gap_m, plate=plate), LENSES[str(sight)], phase_s, rng
+            identification, ClearView(lambda _: seen), LENSES[str(sight)], phase_s, rng
         )
 
     def _measure_speeds(self, now: float) -> None:

@@ -14,7 +14,7 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
 from onboard.obd.braking import Braking
 from onboard.obd.settings import ObdSettings
-from onboard.observations import Position, Speed
+from onboard.observations import HardBrake, Position, Speed
 from onboard.security.pseudonyms import Pseudonym
 
 TICK_S = 0.1
@@ -50,6 +50,8 @@ class BsmSource:
         size = VehicleSize(width_m=width_m, length_m=length_m)
         self._transmitter = BsmTransmitter(size, pseudonym, rng, 0.0)
         self._speeds: deque[Speed] = deque(maxlen=_SAMPLES)
+        self.hard_brakes: list[HardBrake] = []
+        """What the last sample of the speed shows of hard braking."""
 
     @property
     def speeds(self) -> Sequence[Speed]:
@@ -79,8 +81,10 @@ class BsmSource:
         self._transmitter.receive_speed(speed)
         self._braking.receive_speed(speed, now)
         self._braking.handle_timer(now)
+        self.hard_brakes.clear()
         while (brake := self._braking.next_event()) is not None:
             self._transmitter.receive_hard_brake(brake, now)
+            self.hard_brakes.append(brake)
 
     def receive_position(self, fix: Position) -> None:
         """Take a fix of the car's receiver."""

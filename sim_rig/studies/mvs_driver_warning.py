@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 from onboard.brake_request.brake_requester import BrakeRequest, BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
+from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.lcca import CarId
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
@@ -23,7 +25,7 @@ class DriverWarning:
 
 
 class WarningModel:
-    """The risk monitor of one car, and its active warnings."""
+    """The risk monitor of one car, and the active warnings of it and of the warning group."""
 
     def __init__(
         self,
@@ -43,6 +45,7 @@ class WarningModel:
         self._monitor = RiskMonitor(settings, length_m, width_m)
         self._requester = None if brake_request is None else BrakeRequester(brake_request)
         self._active: dict[Cause, DriverWarning] = {}
+        self._brakings: dict[tuple[CarId, int], CarId] = {}
 
     def receive_speed(self, speed: Speed) -> None:
         """Take a sample of the host vehicle's speed."""
@@ -53,6 +56,21 @@ class WarningModel:
     def receive_bsm(self, message: BasicSafetyMessage, now: float) -> None:
         """Take the BSM of a remote vehicle."""
         self._monitor.receive_bsm(message, now)
+
+    @property
+    def braking(self) -> list[CarId]:
+        """The vehicles whose hard braking the warning group tells the driver of."""
+        return list(self._brakings.values())
+
+    def receive_group_warning(self, warning: WarningRaised | WarningLevel | WarningOver) -> None:
+        """Take what the warning group says of the braking of a vehicle ahead."""
+        braking = warning.origin_id, warning.sequence
+        if isinstance(warning, WarningRaised):
+            self._brakings[braking] = warning.origin_id
+        elif isinstance(warning, WarningOver):
+            self._brakings.pop(braking, None)
+        if self._requester is not None:
+            self._requester.receive_warning(warning)
 
     def assess(
         self,

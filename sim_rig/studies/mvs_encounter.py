@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from onboard.brake_request.settings import BrakeRequestSettings
+from onboard.lcca.settings import LccaSettings
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.risk.alarm import RELEASE_S
@@ -25,6 +26,7 @@ from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.mvs_bsms import TICK_S
 from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
 from sim_rig.studies.mvs_events import SampledEvent, event_sample
+from sim_rig.studies.mvs_lcca import LccaFleet, LccaRadio
 from sim_rig.studies.mvs_outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
 from sim_rig.studies.mvs_profiles import WorldProfile
@@ -75,6 +77,8 @@ class EncounterSettings(Settings):
     reactions: ReactionSettings = ReactionSettings()
     world: WorldProfile = WorldSettings()
     risk: RiskSettings = RiskSettings()
+    lcca: LccaSettings = LccaSettings()
+    """Of cars whose sensors read plates."""
     brake_request: BrakeRequestSettings | None = None
     """When cars with a radio brake by themselves; without it, they only warn their drivers."""
 
@@ -184,7 +188,10 @@ class Encounters:
                 outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
             return outcome
         world = self._world(case, seed, traffic, equipped)
-        equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair)
+        lcca = self._lcca(case, seed, world)
+        if lcca is not None:
+            lcca.form(of.recording, world.now)
+        equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair, lcca=lcca)
         while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
             warnings = equipped_cars.tick()
             if on_radio_tick is not None:
@@ -242,6 +249,20 @@ class Encounters:
         )
         world.now = self._begin_s(of.event)
         return world
+
+    def _lcca(self, case: EncounterCase, seed: int, world: MvsWorld) -> LccaFleet | None:
+        """LCCA of the cars with a radio, if their sensors read plates."""
+        settings = world.settings
+        if settings.plate_lens is None or not settings.senses:
+            return None
+        return LccaFleet(
+            world.equipped,
+            settings.plate_lens,
+            self._settings.lcca,
+            radio=LccaRadio(settings.reach_m, case.loss),
+            speed_step_m_s=settings.bus_speed_step_m_s,
+            seed=seed,
+        )
 
     def _begin_s(self, event: TrafficEvent) -> float:
         return max(round(event.at_s - self._settings.warm_s, 1), 0.0)
@@ -305,6 +326,8 @@ class _EquippedCars:
         traffic: DisturbedTraffic,
         outcome: EncounterOutcome,
         pair: CrashPair | None,
+        *,
+        lcca: LccaFleet | None,
     ) -> None:
         """Prepare a run.
 
@@ -314,8 +337,10 @@ class _EquippedCars:
             traffic: all cars, with the event.
             outcome: result, which is updated in each tick.
             pair: the cars of the crash without radios; None if there is none.
+            lcca: of the cars; None if they have none.
         """
         self._settings = settings
+        self._lcca = lcca
         self._world = world
         self._traffic = traffic
         self._outcome = outcome
@@ -327,7 +352,9 @@ class _EquippedCars:
     def tick(self) -> list[IssuedWarning]:
         """Simulate one tick; returns the warnings that are active in it."""
         world = self._world
+        before = self._traffic.cars_at(world.now)
         world.tick()
+        self._run_lcca(before)
         self._outcome.messages += len(world.sent)
         self._outcome.driven_s += TICK_S * len(world.cores)
         cars = self._traffic.cars_at(world.now)
@@ -346,6 +373,7 @@ class _EquippedCars:
             model.receive_speed(world.bsm_sources[name].speeds[-1])
             for message in world.received.get(name, ()):
                 model.receive_bsm(message, world.now)
+            self._receive_group_warnings(name, model)
             warning = model.assess(world.fixes[name], own, objects, world.now)
             for request in model.take_brake_requests():
                 begin_s = request.stamp_s + BRAKE_DELAY_S
@@ -356,6 +384,23 @@ class _EquippedCars:
                 warnings.append((name, warning, right))
                 self._warn(name, right=right)
         return warnings
+
+    def _run_lcca(self, before: Cars) -> None:
+        """Run the warning groups during the tick that began with the cars as in `before`."""
+        if self._lcca is not None:
+            for name, source in self._world.bsm_sources.items():
+                for brake in source.hard_brakes:
+                    self._lcca.receive_hard_brake(name, brake)
+            self._lcca.drive(before, self._world.now)
+
+    def _receive_group_warnings(self, name: str, model: WarningModel) -> None:
+        """Warn the driver of a car while a vehicle ahead in its group brakes hard."""
+        if self._lcca is not None:
+            for warning in self._lcca.take_warnings(name):
+                model.receive_group_warning(warning)
+            for car_id in model.braking:
+                braking = self._lcca.name_of(car_id)
+                self._warn(name, right=self._traffic.is_disturbed(braking))
 
     def _model(self, cars: Cars, at: int) -> WarningModel:
         name = cars.names[at]

@@ -3,7 +3,11 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from sim_rig.scenario.sensor_settings import SENSOR_PROFILES, VehicleCameraSettings
+from sim_rig.scenario.sensor_settings import (
+    SENSOR_PROFILES,
+    LensSettings,
+    VehicleCameraSettings,
+)
 from sim_rig.scenario.setting_types import by_name
 from sim_rig.studies.mvs_world import WorldSettings
 
@@ -21,14 +25,20 @@ def _of_detector(detector: VehicleCameraSettings) -> WorldSettings:
     )
 
 
+_DETECTORS = {name: _of_detector(detector) for name, detector in SENSOR_PROFILES.items()}
+_READS_PLATES = {"plate_lens": LensSettings()}
+
+
 WORLD_PROFILES: Mapping[str, WorldSettings] = {
     "paper": WorldSettings(sensing_range_m=150.0, detection=1.0),
     "all-round-60": WorldSettings(),
     "all-round-120": WorldSettings(sensing_range_m=120.0),
-    **{name: _of_detector(detector) for name, detector in SENSOR_PROFILES.items()},
+    **_DETECTORS,
+    "plate-camera": _DETECTORS["plate-camera"].model_copy(update=_READS_PLATES),
 }
 """`paper` and `all-round-...` are invented: the paper states neither range nor field of view. The
-others are the rig's detectors, at ten detections a second; `plate-camera` is the one that ships."""
+others are the rig's detectors, at ten detections a second; `plate-camera` is the one that ships:
+only with its lens, which reads plates, do cars run LCCA."""
 
 WorldProfile = Annotated[WorldSettings, by_name("profile of sensors", WORLD_PROFILES)]
 """Settings of a world, or the name of a profile."""

@@ -33,6 +33,7 @@ from sim_rig.cars.vehicle_camera import REAR_VIEW_RAD
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
+from sim_rig.scenario.sensor_settings import LensSettings
 from sim_rig.studies.mvs_bsms import TICK_S, BsmSource
 from sim_rig.studies.study_channel import BSM_BYTES, StudyChannel
 
@@ -65,6 +66,8 @@ class WorldSettings(Settings):
     bearing_sigma_rad: float = Field(0.01, gt=0.0)
     range_rate_sigma_m_s: float | None = Field(None, gt=0.0)
     """Error of the range rate; without it none is measured."""
+    plate_lens: LensSettings | None = None
+    """Lens of a camera that reads plates, with which cars run LCCA (`mvs_lcca.py`)."""
     position_sigma_m: float = Field(0.4, gt=0.0)
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
     """Of each component of the velocity; the error of the course follows from it."""

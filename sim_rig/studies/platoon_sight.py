@@ -1,7 +1,7 @@
 """What the cars of a study's platoon know of the car ahead: by camera and radio, or assumed."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from onboard.messages.lcca import CarId
 from onboard.observations import Lead
 from onboard.vision.look_alikes import folded
 from onboard.vision.settings import VisionSettings
-from sim_rig.cars.camera_model import CameraModel
+from sim_rig.cars.camera_model import CameraModel, View
 from sim_rig.cars.camera_view import FPS, calibration
 from sim_rig.cars.derivation_delay import DerivationDelay
 from sim_rig.rendering.scene import SceneCar
@@ -65,23 +65,23 @@ class MeasuredSight:
     def __init__(
         self,
         identification: Identification,
-        car: SceneCar,
+        view: View,
         lens: LensSettings,
         phase_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """Follow a car at a constant distance.
+        """See nothing yet.
 
         Args:
             identification: of this car.
-            car: the car ahead.
+            view: of its camera.
             lens: of the camera.
             phase_s: time of the first image.
             rng: source of the camera's errors.
         """
         self.identification: Identification | None = identification
         self._core = identification
-        self._camera = CameraModel(_View(car), VisionSettings(), phase_s, rng, calibration(lens))
+        self._camera = CameraModel(view, VisionSettings(), phase_s, rng, calibration(lens))
         self._derivation = DerivationDelay()
 
     @property
@@ -113,17 +113,17 @@ def car_id_of(plate: str) -> CarId:
     return hashlib.blake2b(folded(plate).encode(), digest_size=8).digest()
 
 
-class _View:
-    """A camera's view of one car at a constant distance."""
+class ClearView:
+    """A camera's view in images that are neither dark nor frozen."""
 
-    def __init__(self, car: SceneCar) -> None:
-        self._car = car
-
-    def cars(self, _at_s: float) -> list[tuple[str, SceneCar]]:
-        return [("ahead", self._car)]
+    def __init__(self, cars: Callable[[float], list[tuple[str, SceneCar]]]) -> None:
+        """`cars` gives those ahead at a time, as `View`."""
+        self.cars = cars
 
     def is_dark(self, _at_s: float) -> bool:
+        """Never."""
         return False
 
     def is_frozen(self, _at_s: float) -> bool:
+        """Never."""
         return False
