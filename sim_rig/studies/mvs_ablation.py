@@ -44,8 +44,8 @@ class Driver(StrEnum):
     """Who acts on an alarm."""
 
     ONSET = "onset"
-    """The driver, if warned when the event begins: the most that warnings can avoid. No sensor,
-    message or alarm is simulated for it."""
+    """The driver, if warned `onset_delay_s` after the event begins: the most that warnings can
+    avoid. No sensor, message or alarm is simulated for it."""
     WARNED = "warned"
     """The driver, after the reaction time."""
     BRAKES = "brakes"

@@ -55,8 +55,8 @@ class Method(StrEnum):
     MVS = "mvs"
     """As `OWN`, and shares evidence, chosen by the paper's selective broadcasting."""
     ONSET = "onset"
-    """Drivers who can avoid the crash and have a radio are warned when the event begins: the most
-    that a warning can avoid, whatever is sensed and shared."""
+    """Drivers who can avoid the crash and have a radio are warned `onset_delay_s` after the event
+    begins, with nothing sensed or shared: the most that a warning by then can avoid."""
 
 
 class EncounterSettings(Settings):
@@ -74,6 +74,8 @@ class EncounterSettings(Settings):
     """Cars that never come nearer than this to the event car's path get no radio, to save time."""
     paper_alarm_horizon_s: float = Field(10.0, gt=0.0, le=30.0)
     """Prediction horizon of the paper's alarm; the paper gives no limit."""
+    onset_delay_s: float = Field(0.0, ge=0.0, le=10.0)
+    """Of `Method.ONSET`."""
     reactions: ReactionSettings = ReactionSettings()
     world: WorldProfile = WorldSettings()
     risk: RiskSettings = RiskSettings()
@@ -181,9 +183,10 @@ class Encounters:
         pair = None if before is None else CrashPair(before, _can_act(before, of))
         if case.method is Method.ONSET:
             if before is not None and pair is not None:
+                warned_at_s = event.at_s + self._settings.onset_delay_s
                 for name in equipped:
-                    pair.receive_warning(name, event.at_s)
-                warned = {name: event.at_s for name in equipped if pair.can_act(name)}
+                    pair.receive_warning(name, warned_at_s)
+                warned = {name: warned_at_s for name in equipped if pair.can_act(name)}
                 outcome.crash = self._run_with_warnings(case, seed, before, warned)
                 outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
             return outcome

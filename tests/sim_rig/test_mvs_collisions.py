@@ -210,20 +210,22 @@ def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("warned_median_s", "follower_has_radio", "outcome"),
+    ("delay_s", "follower_has_radio", "outcome"),
     [
-        (0.3, True, CrashOutcome.AVOIDED),
-        (0.3, False, CrashOutcome.NO_RADIO),
-        (5.0, True, CrashOutcome.TOO_LATE),
+        (0.0, True, CrashOutcome.AVOIDED),
+        (0.0, False, CrashOutcome.NO_RADIO),
+        (3.0, True, CrashOutcome.TOO_LATE),
     ],
 )
 def test_a_warning_at_the_onset_reaches_those_who_can_act(
-    tmp_path: Path, warned_median_s: float, follower_has_radio: bool, outcome: CrashOutcome
+    tmp_path: Path, delay_s: float, follower_has_radio: bool, outcome: CrashOutcome
 ) -> None:
-    """The first of two cars brakes; both drivers have the same reaction time to warnings."""
-    reactions = ReactionSettings(distracted=1.0, warned_median_s=warned_median_s)
+    """The first of two cars brakes."""
+    reactions = ReactionSettings(distracted=1.0, warned_median_s=0.3)
     trace = write_lane(tmp_path / "lane.csv", 2)
-    lane = Encounters(EncounterSettings(scenes=(trace,), reactions=reactions))
+    lane = Encounters(
+        EncounterSettings(scenes=(trace,), reactions=reactions, onset_delay_s=delay_s)
+    )
     brake = TrafficEventKind.SUDDEN_BRAKE
     crash = lane.run(EncounterCase(brake, Method.NONE, 0.0), seed=1).crash
     assert crash is not None
