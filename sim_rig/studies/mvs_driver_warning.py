@@ -7,9 +7,8 @@ from onboard.brake_request.brake_requester import BrakeRequest, BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
-from onboard.messages.lcca import CarId
 from onboard.mvs.perceived_object import PerceivedObject
-from onboard.observations import Position, Speed
+from onboard.observations import Lead, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
@@ -17,15 +16,16 @@ from onboard.risk.settings import RiskSettings
 
 @dataclass(frozen=True, slots=True)
 class DriverWarning:
-    """An active warning of one perceived object."""
+    """An active warning."""
 
     cause: Cause
-    target: PerceivedObject
-    """In the frame of the warned car."""
+    of: PerceivedObject | Lead | WarningRaised
+    """What it warns of: a perceived object in the frame of the warned car, the vehicle ahead of its
+    camera, or a vehicle of its warning group."""
 
 
 class WarningModel:
-    """The risk monitor of one car, and the active warnings of it and of the warning group."""
+    """The risk monitor of one car, and its active warnings."""
 
     def __init__(
         self,
@@ -45,7 +45,9 @@ class WarningModel:
         self._monitor = RiskMonitor(settings, length_m, width_m)
         self._requester = None if brake_request is None else BrakeRequester(brake_request)
         self._active: dict[Cause, DriverWarning] = {}
-        self._brakings: dict[tuple[CarId, int], CarId] = {}
+        self._lead: Lead | None = None
+        self._group_warnings: dict[str, WarningRaised] = {}
+        self._objects: dict[str, PerceivedObject] = {}
 
     def receive_speed(self, speed: Speed) -> None:
         """Take a sample of the host vehicle's speed."""
@@ -57,18 +59,18 @@ class WarningModel:
         """Take the BSM of a remote vehicle."""
         self._monitor.receive_bsm(message, now)
 
-    @property
-    def braking(self) -> list[CarId]:
-        """The vehicles whose hard braking the warning group tells the driver of."""
-        return list(self._brakings.values())
+    def receive_lead(self, lead: Lead, now: float) -> None:
+        """Take what the camera shows of the vehicle ahead."""
+        self._lead = lead
+        self._monitor.receive_lead(lead, now)
 
-    def receive_group_warning(self, warning: WarningRaised | WarningLevel | WarningOver) -> None:
+    def receive_group_warning(
+        self, warning: WarningRaised | WarningLevel | WarningOver, now: float
+    ) -> None:
         """Take what the warning group says of the braking of a vehicle ahead."""
-        braking = warning.origin_id, warning.sequence
         if isinstance(warning, WarningRaised):
-            self._brakings[braking] = warning.origin_id
-        elif isinstance(warning, WarningOver):
-            self._brakings.pop(braking, None)
+            self._group_warnings[warning.origin_id.hex()] = warning
+        self._monitor.receive_warning(warning, now)
         if self._requester is not None:
             self._requester.receive_warning(warning)
 
@@ -78,7 +80,7 @@ class WarningModel:
         own: PerceivedObject | None,
         cars: Sequence[PerceivedObject],
         now: float,
-    ) -> DriverWarning | None:
+    ) -> list[DriverWarning]:
         """Evaluate all perceived objects.
 
         Args:
@@ -88,21 +90,31 @@ class WarningModel:
             now: time of the evaluation.
 
         Returns:
-            An active warning, or None.
+            The active warnings, at most one of each cause.
         """
         if fix is not None:
             self._monitor.receive_position(fix)
         self._monitor.assess(own, cars, now)
-        by_name = {car.name: car for car in cars}
+        self._objects |= {car.name: car for car in cars}
         while (event := self._monitor.next_event()) is not None:
             if isinstance(event, Alarm):
                 self._active.pop(event.cause, None)
-                named = [by_name[each.name] for each in event.reasons if each.name in by_name]
                 if event.level is Level.WARNING:
-                    self._active[event.cause] = DriverWarning(event.cause, named[0])
+                    self._active[event.cause] = DriverWarning(event.cause, self._of(event))
+        self._objects = {car.name: car for car in cars}
         if self._requester is not None:
             self._requester.assess(self._monitor.assessments, now)
-        return next(iter(self._active.values()), None)
+        return list(self._active.values())
+
+    def _of(self, alarm: Alarm) -> PerceivedObject | Lead | WarningRaised:
+        """What an alarm is about, by the first of its reasons that says so."""
+        known: dict[str, PerceivedObject | WarningRaised] = {}
+        known |= self._group_warnings if alarm.cause is Cause.LCCA else self._objects
+        named = [known[reason.name] for reason in alarm.reasons if reason.name in known]
+        if named:
+            return named[0]
+        assert self._lead is not None  # noqa: S101 (no other reason is left)
+        return self._lead
 
     def take_brake_requests(self) -> Iterator[BrakeRequest]:
         """Yield the requests since the last call, the oldest first."""

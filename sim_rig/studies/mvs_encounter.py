@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -12,11 +13,12 @@ from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.risk.alarm import RELEASE_S
+from onboard.observations import Lead
+from onboard.risk.alarm import RELEASE_S, Cause
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
 from sim_rig.cars.brake_controller import BRAKE_DELAY_S
-from sim_rig.roads.cars import Cars
+from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
@@ -131,8 +133,20 @@ class EncounterOutcome:
     messages: int = 0
 
 
-IssuedWarning = tuple[str, DriverWarning, bool]
-"""The warned car, its warning, and whether that is true (the event affected one of the two)."""
+class IssuedWarning(NamedTuple):
+    """A warning of a driver."""
+
+    warned: str
+    """Name of the car."""
+    cause: Cause
+    of: str
+    """Name of the perceived object, or of the vehicle of the warning group; empty for the vehicle
+    ahead of the camera."""
+    position_m: Array
+    """(2) of that vehicle, as the warned car takes it."""
+    right: bool
+    """Whether the event has changed the motion of one of the two."""
+
 
 RadioTickObserver = Callable[[MvsWorld, DisturbedTraffic, list[IssuedWarning]], None]
 """Called after each tick with radios."""
@@ -376,16 +390,15 @@ class _EquippedCars:
             model.receive_speed(world.bsm_sources[name].speeds[-1])
             for message in world.received.get(name, ()):
                 model.receive_bsm(message, world.now)
-            self._receive_group_warnings(name, model)
-            warning = model.assess(world.fixes[name], own, objects, world.now)
+            self._hand_over_reports(name, model)
+            active = model.assess(world.fixes[name], own, objects, world.now)
             for request in model.take_brake_requests():
                 begin_s = request.stamp_s + BRAKE_DELAY_S
                 until_s = begin_s + request.valid_s
                 self._traffic.brake(name, begin_s, until_s, request.deceleration_m_s2)
-            if warning is not None:
-                right = self._is_right(cars, name, warning.target)
-                warnings.append((name, warning, right))
-                self._warn(name, right=right)
+            for warning in active:
+                warnings.append(self._issued(cars, at, warning))
+                self._warn(name, right=warnings[-1].right)
         return warnings
 
     def _run_lcca(self, before: Cars) -> None:
@@ -396,14 +409,30 @@ class _EquippedCars:
                     self._lcca.receive_hard_brake(name, brake)
             self._lcca.drive(before, self._world.now)
 
-    def _receive_group_warnings(self, name: str, model: WarningModel) -> None:
-        """Warn the driver of a car while a vehicle ahead in its group brakes hard."""
-        if self._lcca is not None:
-            for warning in self._lcca.take_warnings(name):
-                model.receive_group_warning(warning)
-            for car_id in model.braking:
-                braking = self._lcca.name_of(car_id)
-                self._warn(name, right=self._traffic.is_disturbed(braking))
+    def _hand_over_reports(self, name: str, model: WarningModel) -> None:
+        """Let the alarms of a car have what its plate camera and its warning group say."""
+        for now, report in [] if self._lcca is None else self._lcca.take_reports(name):
+            if isinstance(report, Lead):
+                model.receive_lead(report, now)
+            else:
+                model.receive_group_warning(report, now)
+
+    def _issued(self, cars: Cars, at: int, warning: DriverWarning) -> IssuedWarning:
+        """Place a warning of the car at index `at` on the plane."""
+        name, of = cars.names[at], warning.of
+        if isinstance(of, PerceivedObject):
+            target, position_m = of.name, self._world.world_position_m(name, of.state)
+        elif isinstance(of, Lead):
+            gap_m = (of.gap_m or 0.0) + float(cars.length_m[at])  # taken to be as long as this one
+            target, position_m = "", cars.middle_m[at] + gap_m * cars.ahead[at]
+        else:
+            assert self._lcca is not None  # noqa: S101 (it has warned)
+            target = self._lcca.name_of(of.origin_id)
+            there = cars.index(target)
+            position_m = cars.middle_m[at if there is None else there]
+        return IssuedWarning(
+            name, warning.cause, target, position_m, self._is_right(cars, name, position_m)
+        )
 
     def _model(self, cars: Cars, at: int) -> WarningModel:
         name = cars.names[at]
@@ -443,16 +472,16 @@ class _EquippedCars:
         if target is None:
             return
         name, now = cars.names[at], self._world.now
-        right = self._is_right(cars, name, target)
+        right = self._is_right(cars, name, self._world.world_position_m(name, target.state))
         if right and self._pair is not None:
             self._pair.receive_paper_alarm(name, now)
         self._outcome.paper_alarm_false += self._paper_alarm.refresh(name, now) and not right
 
-    def _is_right(self, cars: Cars, name: str, target: PerceivedObject) -> bool:
-        """Whether the event has changed the motion of the warned car or of its target."""
+    def _is_right(self, cars: Cars, name: str, target_m: Array) -> bool:
+        """Whether the event has changed the motion of a warned car or of the one at `target_m`."""
         if self._traffic.has_moved(name):
             return True
-        away_m = np.hypot(*(cars.middle_m - self._world.world_position_m(name, target.state)).T)
+        away_m = np.hypot(*(cars.middle_m - target_m).T)
         nearest = int(away_m.argmin())
         is_matched = away_m[nearest] < SAME_POSITION_M
         return bool(is_matched and self._traffic.is_disturbed(cars.names[nearest]))

@@ -1,4 +1,4 @@
-"""LCCA of the cars of an MVS study: who follows whom, by plate cameras, and who is warned.
+"""Plate cameras and LCCA of an MVS study's cars: who follows whom, and who is warned.
 
 Each car with a radio has the rig's camera model and the LCCA cores of `onboard`; IDs are hashes of
 plates, as in `lcca_chain`. All cars have plates. Messages reach the radios in range, and do not
@@ -20,7 +20,7 @@ from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import Answer, CarId, Inquiry, LccaMessage
-from onboard.observations import HardBrake
+from onboard.observations import HardBrake, Lead
 from sim_rig.cars.camera_view import FPS, SIGHT_M
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import SceneCar
@@ -83,13 +83,14 @@ class LccaFleet:
         self._brakes: list[tuple[float, int, str, HardBrake]] = []
         self._in_transmission: deque[tuple[float, LccaMessage, list[str]]] = deque()
         self._order = count()
-        self._warnings: defaultdict[str, list[GroupWarning]] = defaultdict(list)
+        self._reports: defaultdict[str, list[tuple[float, Lead | GroupWarning]]] = defaultdict(list)
 
     def form(self, traffic: Traffic, begin_s: float) -> None:
         """Let the cars drive until `begin_s`, as `traffic` has them, so that groups form."""
         for tick in range(round(min(FORMING_S, begin_s) / TICK_S), 0, -1):
             at_s = begin_s - tick * TICK_S
             self.drive(traffic.cars_at(at_s), at_s + TICK_S)
+        self._reports.clear()
 
     def receive_hard_brake(self, name: str, brake: HardBrake) -> None:
         """Take what a car's own bus shows of its braking, before `drive` gets to that time."""
@@ -108,9 +109,9 @@ class LccaFleet:
         for step in range(1, round((until_s - cars.at_s) / _STEP_S) + 1):
             self._step(cars.at_s + step * _STEP_S)
 
-    def take_warnings(self, name: str) -> list[GroupWarning]:
-        """Return what the group has told a car's driver since the last call."""
-        return self._warnings.pop(name, [])
+    def take_reports(self, name: str) -> list[tuple[float, Lead | GroupWarning]]:
+        """Return what a car's camera and warning group have said since the last call, and when."""
+        return self._reports.pop(name, [])
 
     def name_of(self, car_id: CarId) -> str:
         """The car that sends under this ID."""
@@ -179,11 +180,13 @@ class LccaFleet:
             if (braking := self._with_lcca.get(name)) is not None:
                 braking.group.receive_hard_brake(brake, now)
         for name, car in self._with_lcca.items():
-            car.handle_timer(now)
+            lead = car.handle_timer(now)
+            if lead is not None:
+                self._reports[name].append((now, lead))
             for message in car.messages_to_send(now):
                 arrives_s = now + _TRANSMISSION_S
                 self._in_transmission.append((arrives_s, message, self._reached(name)))
-            self._warnings[name] += car.warnings()
+            self._reports[name] += [(now, warning) for warning in car.warnings()]
 
     def _receive_speeds_on_air(self, now: float) -> None:
         for sender, car in self._with_lcca.items():
@@ -230,11 +233,15 @@ class _LccaCar:
         else:
             self.group.receive_message(message, now)
 
-    def handle_timer(self, now: float) -> None:
+    def handle_timer(self, now: float) -> Lead | None:
+        """Return what an image that is due shows."""
+        lead = None
         if self.sight.get_timer() <= now:
             self.group.receive_preceding_vehicle(self.sight.look(now), now)
+            lead = self.sight.lead
         if self.group.get_timer() <= now:
             self.group.handle_timer(now)
+        return lead
 
     def messages_to_send(self, now: float) -> list[LccaMessage]:
         return [*self.group.messages_to_send(now), *self.identification.messages_to_send()]

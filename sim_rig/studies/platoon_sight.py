@@ -83,6 +83,8 @@ class MeasuredSight:
         self._core = identification
         self._camera = CameraModel(view, VisionSettings(), phase_s, rng, calibration(lens))
         self._derivation = DerivationDelay()
+        self.lead: Lead | None = None
+        """What the last image shows."""
 
     @property
     def car_ahead(self) -> CarId | None:
@@ -98,7 +100,8 @@ class MeasuredSight:
         """Take the image that is due, and return the vehicle ahead."""
         self._camera.handle_timer(now)
         leads = [each for each in iter(self._camera.next_event, None) if isinstance(each, Lead)]
-        return self._preceding(leads[-1], now) if leads else None
+        self.lead = leads[-1] if leads else None
+        return None if self.lead is None else self._preceding(self.lead, now)
 
     def _preceding(self, lead: Lead, now: float) -> PrecedingVehicle | None:
         vehicle = TrackedVehicle.of(self._derivation.derived(lead, now), car_id_of)

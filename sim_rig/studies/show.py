@@ -73,14 +73,12 @@ class _StudyAnimation(Animation):
                 position_m = estimated_m[name, car.name] = world.world_position_m(name, car.state)
                 if (other := _car_at(cars, position_m)) is not None:
                     frame.perceived.setdefault(name, []).append((other, car.source.value))
-        for name, warning, right in warned:
+        for name, cause, of, begun_m, right in warned:
             # An active warning refers to the state of its target when the warning began.
-            position_m = estimated_m.get(
-                (name, warning.target.name), world.world_position_m(name, warning.target.state)
-            )
-            of, why = _car_at(cars, position_m), warning.cause.value
+            position_m = estimated_m.get((name, of), begun_m)
+            true = begun_as_true.get(name, right)
             frame.warned.append(
-                (name, why, begun_as_true.get(name, right), of, position_m.round(1).tolist())
+                (name, cause.value, true, _car_at(cars, position_m), position_m.round(1).tolist())
             )
 
     def add_frame(self, traffic: DisturbedTraffic, at_s: float) -> None:

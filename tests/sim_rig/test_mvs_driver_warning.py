@@ -7,11 +7,12 @@ import pytest
 
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.brake_request.settings import BrakeRequestSettings
+from onboard.lcca.events import WarningOver, WarningRaised
 from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
-from onboard.observations import Speed
-from onboard.risk.alarm import Cause
+from onboard.observations import BrakeCause, Lead, LeadIdentity, Speed
+from onboard.risk.alarm import RELEASE_S, Cause
 from onboard.risk.settings import RiskSettings
-from sim_rig.studies.mvs_driver_warning import WarningModel
+from sim_rig.studies.mvs_driver_warning import DriverWarning, WarningModel
 from sim_rig.studies.mvs_paper_alarm import paper_alarm
 
 SPEED_M_S = 15.0
@@ -46,9 +47,8 @@ def warned_at_s(lead: PerceivedObject, *, braking_m_s2: float = 0.0) -> float | 
         if tick < 0:
             continue
         seen = replace(lead, stamp_s=now)
-        warning = model.assess(None, car("own", 0.0, speed_m_s), [seen], now)
-        if warning is not None:
-            assert (warning.cause, warning.target.name) == (Cause.FCW, "lead")
+        for warning in model.assess(None, car("own", 0.0, speed_m_s), [seen], now):
+            assert warning == DriverWarning(Cause.FCW, seen)
             return now
     return None
 
@@ -56,6 +56,38 @@ def warned_at_s(lead: PerceivedObject, *, braking_m_s2: float = 0.0) -> float | 
 def test_a_warning_is_the_risk_monitors() -> None:
     assert warned_at_s(car("lead", 35.0, 0.0)) == 0.1
     assert warned_at_s(car("lead", 35.0, SPEED_M_S)) is None
+
+
+def test_a_driver_is_warned_of_the_vehicle_ahead_of_the_camera() -> None:
+    """It stands; no object is perceived there."""
+    model = WarningModel(RiskSettings(), 4.5, 1.8)
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 25.0, 0.3, SPEED_M_S, 0.3)
+    model.receive_speed(Speed(0.0, SPEED_M_S, 0.02, "test"))
+    own = car("own", 0.0, SPEED_M_S)
+    assert model.assess(None, own, [], 0.0) == []
+
+    for frame in range(5):
+        now = frame / 10
+        seen = replace(lead, stamp_s=now, gap_m=25.0 - SPEED_M_S * now)
+        model.receive_speed(Speed(now, SPEED_M_S, 0.02, "test"))
+        model.receive_lead(seen, now)
+
+    (warning,) = model.assess(None, own, [], 0.4)
+    assert warning.cause is Cause.FCW
+    assert isinstance(warning.of, Lead)
+
+
+def test_a_driver_is_warned_of_a_braking_in_the_group_until_it_is_over() -> None:
+    model = WarningModel(RiskSettings(), 4.5, 1.8)
+    own = car("own", 0.0, SPEED_M_S)
+    begun = WarningRaised(
+        0.0, bytes(8), 1, 1, 2, bytes(8), BrakeCause.DECELERATION, 6.0, age_s=0.1, hops=1
+    )
+    model.receive_group_warning(begun, 0.0)
+    assert model.assess(None, own, [], 0.1) == [DriverWarning(Cause.LCCA, begun)]
+
+    model.receive_group_warning(WarningOver(0.2, bytes(8), 1, "over"), 0.2)
+    assert model.assess(None, own, [], 0.2 + RELEASE_S) == []
 
 
 def test_a_driver_who_brakes_enough_when_the_radio_is_switched_on_is_not_warned() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.lcca.events import WarningOver, WarningRaised
 from onboard.lcca.settings import LccaSettings
-from onboard.observations import HardBrake
+from onboard.observations import HardBrake, Lead
 from onboard.risk.settings import RiskSettings
 from onboard.units import KM_H
 from sim_rig.roads.cars import Cars, Traffic
@@ -16,7 +16,7 @@ from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.sensor_settings import LensSettings
 from sim_rig.studies.mvs_bsms import TICK_S
 from sim_rig.studies.mvs_encounter import EncounterCase, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs_lcca import FORMING_S, LccaFleet, LccaRadio
+from sim_rig.studies.mvs_lcca import FORMING_S, GroupWarning, LccaFleet, LccaRadio
 from sim_rig.studies.mvs_profiles import WORLD_PROFILES
 from tests.sim_rig.lane_trace import write_lane
 
@@ -53,6 +53,10 @@ def fleet_of(*equipped: str, loss: float = 0.0) -> LccaFleet:
     return fleet
 
 
+def warnings(fleet: LccaFleet, name: str) -> list[GroupWarning]:
+    return [report for _, report in fleet.take_reports(name) if not isinstance(report, Lead)]
+
+
 def brake(fleet: LccaFleet, name: str) -> None:
     """Let a car brake hard for one tick."""
     stamp_s = BEGIN_S + 0.02
@@ -74,14 +78,14 @@ def test_who_reads_the_plate_ahead_is_warned_of_its_braking_and_of_its_end() -> 
     brake(fleet, "first")
 
     for name in ("second", "third"):
-        (warning,) = fleet.take_warnings(name)
+        (warning,) = warnings(fleet, name)
         assert isinstance(warning, WarningRaised)
         assert fleet.name_of(warning.origin_id) == "first"
         assert warning.stamp_s - BEGIN_S <= 0.1
-    assert fleet.take_warnings("first") == fleet.take_warnings("beside") == []
+    assert warnings(fleet, "first") == warnings(fleet, "beside") == []
 
     fleet.drive(Lane().cars_at(BEGIN_S + TICK_S), BEGIN_S + 2 * TICK_S)
-    assert [type(each) for each in fleet.take_warnings("second")] == [WarningOver]
+    assert [type(each) for each in warnings(fleet, "second")] == [WarningOver]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +100,7 @@ def test_without_messages_of_the_vehicle_ahead_nobody_is_warned(
 
     brake(fleet, "first")
 
-    assert all(not fleet.take_warnings(name) for name in NAMES)
+    assert all(not warnings(fleet, name) for name in NAMES)
 
 
 def test_a_car_that_leaves_has_no_part_any_more() -> None:
@@ -106,7 +110,7 @@ def test_a_car_that_leaves_has_no_part_any_more() -> None:
     fleet.receive_hard_brake("second", HardBrake(later_s, 6.0, "test"))
     fleet.drive(Lane().cars_at(later_s).without("second"), later_s + TICK_S)
 
-    assert fleet.take_warnings("third") == []
+    assert warnings(fleet, "third") == []
 
 
 @pytest.mark.parametrize("profile", ["plate-camera", "camera-60"])
