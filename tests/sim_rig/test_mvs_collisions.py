@@ -208,7 +208,6 @@ def test_the_papers_alarm_is_evaluated_in_the_same_run() -> None:
     )
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("delay_s", "follower_has_radio", "outcome"),
     [
@@ -238,6 +237,7 @@ def test_a_warning_at_the_onset_reaches_those_who_can_act(
     assert (onset.crash is None) == (outcome is CrashOutcome.AVOIDED)
 
 
+@pytest.mark.long
 def test_a_car_that_reaches_the_event_later_has_a_radio() -> None:
     scene = Encounters(ENCOUNTER.model_copy(update={"near_m": 20.0}))
     all_cars = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0)
