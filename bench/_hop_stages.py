@@ -22,15 +22,15 @@ import yaml
 from bench._scene import CAMERA_FPS, SPEED_M_S, LoopCamera, free_port, port_of
 from bench._traced_daemon import PLATE_AHEAD
 from bench._udp_echo import udp_echoes
-from onboard import psid
-from onboard.config import CarConfig
 from onboard.observations import HardBrake, Speed
 from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer

@@ -18,14 +18,14 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
-from onboard import daemon
-from onboard.daemon import Daemon
 from onboard.lcca.group import WarningGroup
 from onboard.messages import lcca
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
+from onboard.runtime import daemon
+from onboard.runtime.daemon import Daemon
 from onboard.runtime.output_sinks import OutputSinks
+from onboard.runtime.service import Service
 from onboard.security.security_services import SecurityServices
-from onboard.service import Service
 from onboard.wave_udp.iwcu import IwcuEndpoint
 
 PLATE_AHEAD = "AB123CD"

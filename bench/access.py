@@ -16,8 +16,8 @@ from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.observations import Lead, LeadIdentity, Speed
-from sim_rig.studies.rakhshan_highway import Drops, RakhshanHighwaySettings, collision_share, draw
-from sim_rig.studies.rakhshan_slotted import from_db, slot_s
+from sim_rig.studies.rakhshan.highway import Drops, RakhshanHighwaySettings, collision_share, draw
+from sim_rig.studies.rakhshan.slotted import from_db, slot_s
 
 ROUNDS = 5
 DROPS, PLAIN_DROPS = 50, 2

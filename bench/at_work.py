@@ -26,15 +26,15 @@ import yaml
 from bench import Figure
 from bench._scene import SPEED_M_S, LoopCamera, free_port, port_of
 from bench.daemon import READ_AND_DECODE
-from onboard import psid
-from onboard.config import CarConfig
 from onboard.observations import Position, Speed, VehicleDetection
 from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import Input
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer

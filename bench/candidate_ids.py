@@ -14,10 +14,10 @@ import numpy as np
 
 from bench import Figure
 from bench.vision_drives import CAMERA, FPS, annotated_frames, rendered_drive
-from onboard.daemon import GIL_INTERVAL_S
 from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
 from onboard.runtime.candidate_ids import CandidateIds, next_derivation
+from onboard.runtime.daemon import GIL_INTERVAL_S
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 from sim_rig.rendering.scene import Light

@@ -10,13 +10,13 @@ import numpy as np
 
 from bench import Figure
 from onboard.kinematics.arrays import Array
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
 from onboard.risk.driver_behaviour import Uniform
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.risk.trajectory import reached_after_s, travelled_m
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 ROUNDS = 7
 BATCH = 1000

@@ -22,7 +22,7 @@ SETTLED_S = 2.0
 """Time after which the memory of all daemons is constant."""
 READ_AND_DECODE = """
 import sys
-from onboard.config import CarConfig
+from onboard.vehicle.config import CarConfig
 from onboard.settings import load_settings
 from onboard.vision.camera import open_frames
 from pathlib import Path

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 from bench import Figure
 from onboard.mvs.settings import SharedIn
-from sim_rig.studies.mvs_accuracy import CENTRALISED, MODELLED, OWN, Accuracy, accuracy
-from sim_rig.studies.mvs_roads import FreeCars
+from sim_rig.studies.mvs.accuracy import CENTRALISED, MODELLED, OWN, Accuracy, accuracy
+from sim_rig.studies.mvs.roads import FreeCars
 
 SECONDS = 1.0
 CASES = (

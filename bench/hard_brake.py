@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from bench import Figure
+from onboard.kinematics.units import KM_H, STANDARD_GRAVITY_M_S2
 from onboard.obd.braking import Braking
 from onboard.obd.can_log import read_can_log
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
-from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 STEP_S = 0.005
 JERK_M_S3 = 20.0

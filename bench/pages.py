@@ -18,14 +18,14 @@ import numpy as np
 from playwright.async_api import Browser, Page, async_playwright
 
 from bench import Figure
-from onboard.config import CarConfig
 from onboard.observations import Lead, LeadIdentity, PlateCandidate, Sensor, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import Input
 from onboard.trace.trace_line import Event
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 from tools import chromium
 
 PORT = 8461

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from statistics import median
 
 from bench import Figure
-from sim_rig.studies.radio import RadioSettings, run_one
+from sim_rig.studies.radio.ns3_validation import RadioSettings, run_one
 
 ROUNDS = 5
 SECONDS = 4.8

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from bench import Figure
-from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, PlateCandidate, Sensor, Speed
 from onboard.recorder.black_box import BlackBox
@@ -24,6 +23,7 @@ from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.replay.replay import compare
 from onboard.settings import parse_settings
+from onboard.vehicle.config import CarConfig
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 

@@ -12,14 +12,13 @@ import numpy as np
 
 from bench import Figure
 from bench._messages import UTC_S, bsm, footer
-from onboard import psid
 from onboard.messages import bsm as j2735
 from onboard.messages import mvs_footer
 from onboard.security import p256
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 ENTRIES = 10

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 
 from bench import Figure
+from onboard.kinematics.units import KM_H
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.observations import Speed
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.runtime.gc_tuning import freeze_start_up_objects
+from onboard.tracking.perceived_object import PerceivedObject
 from onboard.tracking.tracks import TrackingParameters
-from onboard.units import KM_H
-from sim_rig.studies.mvs_bsms import TICK_S
-from sim_rig.studies.mvs_roads import SPEED_M_S, SixLaneRoad
-from sim_rig.studies.mvs_world import START_UTC_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs.bsms import TICK_S
+from sim_rig.studies.mvs.roads import SPEED_M_S, SixLaneRoad
+from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld, WorldSettings
 
 TICKS, WARM, ROUNDS = 20, 10, 10
 RADIOS, SPACING_M = 41, 22.0

@@ -13,11 +13,11 @@ import numpy as np
 from bench import Figure
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.risk.settings import RiskSettings
-from sim_rig.studies.mvs_bsms import TICK_S
-from sim_rig.studies.mvs_driver_warning import WarningModel
-from sim_rig.studies.mvs_roads import LANES_M, SixLaneRoad
-from sim_rig.studies.mvs_world import MvsWorld, WorldSettings
-from sim_rig.studies.soak_fleet import resident_bytes
+from sim_rig.studies.mvs.bsms import TICK_S
+from sim_rig.studies.mvs.driver_warning import WarningModel
+from sim_rig.studies.mvs.roads import LANES_M, SixLaneRoad
+from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
+from sim_rig.studies.soak.fleet import resident_bytes
 
 SHARE = 0.4
 WARM_TICKS, TICKS = 5, 2

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from onboard import psid
-from onboard.config import CarConfig
 from onboard.detector.object_list import ObjectListReader
 from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
@@ -30,10 +28,11 @@ from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.settings import SettingsError, parse_settings, parse_yaml
 from onboard.tools.decode.describe import describe
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.wave_link import bsm_sender
 from onboard.vision import jpeg
 from onboard.vision.mjpeg import MjpegParts
-from onboard.wave_link import bsm_sender
-from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp import immediate_forward, psid, wsmp
 from onboard.wave_udp.capture import CaptureError, read_capture
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage

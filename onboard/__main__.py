@@ -1,6 +1,6 @@
 """`python -m onboard` is the command `onboard`."""
 
-from onboard.cli import main
+from onboard.tools.cli import main
 
 if __name__ == "__main__":
     main()

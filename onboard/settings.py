@@ -1,6 +1,7 @@
 """Base class of all settings, and the YAML reader, whose errors tell a user what to correct.
 
-Each package declares its settings beside its code; `onboard/config.py` joins those of a vehicle.
+Each package declares its settings beside its code; `onboard/vehicle/config.py` joins those of a
+vehicle.
 """
 
 import difflib

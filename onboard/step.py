@@ -1,4 +1,4 @@
-"""Inputs and outputs of one step of a vehicle's cores (`onboard.stack.Stack.step`)."""
+"""Inputs and outputs of one step of a vehicle's cores (`onboard.vehicle.stack.Stack.step`)."""
 
 from dataclasses import dataclass
 from typing import ClassVar

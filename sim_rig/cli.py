@@ -18,7 +18,7 @@ import typer
 from onboard.errors import UserError
 from onboard.tools.version import VersionOption
 from sim_rig.scenario.catalogue import scenario_titles
-from sim_rig.studies.catalogue import check_study, run_study, study_names, study_settings
+from sim_rig.studies.campaigns.catalogue import check_study, run_study, study_names, study_settings
 
 app = typer.Typer(
     help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
@@ -180,7 +180,7 @@ def study(
     if "--help" in names:
         typer.echo(_help_of(names, context))
         return
-    from sim_rig.studies.campaign import Workers  # noqa: PLC0415 (see above)
+    from sim_rig.studies.campaigns.campaign import Workers  # noqa: PLC0415 (see above)
 
     named = list(takewhile(lambda word: not word.startswith("-"), names))
     given = _settings_given(names[len(named) :])
@@ -217,7 +217,7 @@ def show(
 
             summary = show_scenario(folder, out)
         else:
-            from sim_rig.studies.show import show_run  # noqa: PLC0415 (see above)
+            from sim_rig.studies.mvs.show import show_run  # noqa: PLC0415 (see above)
 
             summary = show_run(folder, number, out)
     typer.echo(summary)

@@ -23,10 +23,10 @@ from deploy.vm.machine import HANG_TIMEOUT_S, Machine, MachineError, new_disk
 from deploy.vm.namespaces import Namespaces
 from deploy.vm.report import record, table
 from deploy.vm.share import BUILD, ROOT, SHARE, make_box, make_image
-from onboard import psid
 from onboard.security.key_files import write_credentials
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vision.settings import CameraSettings
+from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 

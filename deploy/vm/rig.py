@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 from typing_extensions import override
 
-from onboard.config import CarConfig
+from onboard.kinematics.units import KM_H
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Speed
 from onboard.security.key_files import read_credentials
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm
-from onboard.units import KM_H
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 from sim_rig.cars.can_interface import CanInterface
 from sim_rig.cars.device_line import DeviceLine, UdpLine
 from sim_rig.cars.ecu import Ecu

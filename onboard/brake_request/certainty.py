@@ -1,9 +1,9 @@
 """How certain an alarm is: by its collision probability and the sources that it rests on."""
 
 from onboard.brake_request.settings import BrakeRequestSettings
-from onboard.mvs.perceived_object import ObjectSource
 from onboard.observations import Lead
 from onboard.risk.alarm import Assessment, Cause
+from onboard.tracking.perceived_object import ObjectSource
 
 PROBABILITY_CAUSES = frozenset({Cause.IMA, Cause.LTA})
 """Causes whose value is P_C; that of all others is a deceleration."""

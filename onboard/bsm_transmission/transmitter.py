@@ -16,6 +16,7 @@ from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.core import Core
 from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.geodesy import distance_m
+from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import (
     AccelerationSet,
@@ -39,7 +40,6 @@ from onboard.observations import (
     TurnSignal,
 )
 from onboard.security.pseudonyms import Pseudonym
-from onboard.units import STANDARD_GRAVITY_M_S2
 
 MAX_AGE_S = 1.0
 """Age beyond which speed and brake pedal are sent as unavailable."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 
-from onboard.units import KNOT
+from onboard.kinematics.units import KNOT
 
 _SENTENCE = re.compile(rb"\$(?!P)([A-Z]{2})([A-Z]{3})(,[ -#%-)+-~]*)(?:\*([0-9A-Fa-f]{2}))?")
 """`$P` begins proprietary sentences."""

@@ -25,7 +25,6 @@ from onboard.hmi.vehicle_map import VehicleMap
 from onboard.lcca.events import Inquired, WarningLevel, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import CarIdentity
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import (
     BrakeCause,
     DetectionList,
@@ -40,6 +39,7 @@ from onboard.observations import (
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.trace.trace_line import Event
+from onboard.tracking.perceived_object import PerceivedObject
 
 SHOW_S = 0.2
 """Between two views without an urgent event."""

@@ -9,9 +9,9 @@ from enum import StrEnum
 from typing import ClassVar
 
 from onboard.lcca.transitions import GroupState
-from onboard.mvs.perceived_object import ObjectSource
 from onboard.observations import LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
+from onboard.tracking.perceived_object import ObjectSource
 
 _SHORT_ID_DIGITS = 4
 

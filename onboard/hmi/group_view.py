@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from onboard.hmi.driver_view import MemberView, MessageView, Relation, short_id
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.transitions import GroupState
+from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.messages.lcca import MESSAGES
 from onboard.observations import HardBrake
 from onboard.trace.trace_line import Event
-from onboard.wave_link import MessageReceived, MessageSent
 
 MEMBER_S = 3.0
 """Silence after which a member is no longer shown: members send joins every half second."""

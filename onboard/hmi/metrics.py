@@ -15,11 +15,11 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupState
+from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered, Speed
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.trace.trace_line import Event
-from onboard.wave_link import MessageReceived, MessageSent
 
 _DELAY_BUCKETS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 

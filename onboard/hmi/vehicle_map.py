@@ -4,8 +4,8 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 
 from onboard.hmi.driver_view import VehicleOnMap
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import VehicleDetection
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 RANGE_M = 150.0
 """Largest distance on the map."""

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard import psid
 from onboard.core import Core
 from onboard.errors import DecodeError
 from onboard.intersections.intersection import ApproachedSignal, Intersection
@@ -19,9 +18,10 @@ from onboard.messages import map_data, spat
 from onboard.messages.lanes import IntersectionReferenceId
 from onboard.messages.map_data import IntersectionGeometry, MapData
 from onboard.messages.spat import Spat
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import Discarded, Position
 from onboard.security.security_services import Opened
+from onboard.tracking.perceived_object import PerceivedObject
+from onboard.wave_udp import psid
 
 MAX_DISTANCE_M = 2000.0
 """Distance beyond which an intersection is refused: twice the range of a radio."""

@@ -24,7 +24,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from onboard.plate_series import letters_and_number
+from onboard.lcca.plate_series import letters_and_number
 
 ON_AIR = 0.5
 """r: share of vehicles with a radio, where nothing is known of it."""

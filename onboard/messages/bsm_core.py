@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from enum import Enum, IntFlag
 from typing import Annotated
 
+from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.messages.fields import Angle, BitString, Enumerated, Integer, OctetString, Quantity
 from onboard.messages.record import Record
-from onboard.units import STANDARD_GRAVITY_M_S2
 
 LATITUDE = Quantity(-900_000_000, 900_000_000, 1e-7, "deg", unavailable=900_000_001)
 LONGITUDE = Quantity(-1_799_999_999, 1_800_000_000, 1e-7, "deg", unavailable=1_800_000_001)

@@ -71,7 +71,7 @@ class Join:
     """With `acknowledged_sequence`: the warning that the sender acknowledges; zero if none."""
     acknowledged_sequence: _Sequence
     previous_id: _CarId
-    """The sender's ID of the previous epoch, masked (`onboard/security/epoch_ids.py`); `NO_ID` if
+    """The sender's ID of the previous epoch, masked (`onboard/lcca/epoch_ids.py`); `NO_ID` if
     others do not use it any more."""
 
     def without_acknowledgement(self) -> Self:
@@ -97,7 +97,7 @@ class Reply:
     speed_m_s: _Speed
     """Speed of the sender, for comparison with the camera of the car behind."""
     next_leader_id: _CarId
-    """The leader's ID of the next epoch, masked (`onboard/security/epoch_ids.py`); `NO_ID` if it is
+    """The leader's ID of the next epoch, masked (`onboard/lcca/epoch_ids.py`); `NO_ID` if it is
     not known."""
 
 

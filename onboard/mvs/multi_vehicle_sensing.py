@@ -17,16 +17,11 @@ from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
+from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_coding import encode_within, free_number, read
-from onboard.mvs.footer_validation import (
-    MAX_ENTRIES,
-    MAX_MEASUREMENTS_PER_ESTIMATE,
-    OwnMeasurements,
-    violations_of_received,
-)
+from onboard.mvs.footer_validation import MAX_ENTRIES, OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
 from onboard.mvs.remote_vehicles import (
     RemoteVehicle,
@@ -40,6 +35,7 @@ from onboard.observations import Discarded, Position, VehicleDetection
 from onboard.tracking.evidence import Measurement, MeasurementId, ProvenanceSpans, as_arrays
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.fusion import propagate
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.track import Track
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters, Tracks
 

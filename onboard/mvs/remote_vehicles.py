@@ -7,17 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.kinematics.arrays import Array, StateArrays, map_state
-from onboard.mvs.footer_validation import (
-    CLOCK_TOLERANCE_S,
-    FOOTERS_AT_ONCE,
-    FOOTERS_PER_S,
-    MAX_SENDERS,
-    RADIO_RANGE_M,
-)
+from onboard.misbehaviour.evidence_check import CLOCK_TOLERANCE_S, RADIO_RANGE_M
+from onboard.mvs.footer_validation import FOOTERS_AT_ONCE, FOOTERS_PER_S, MAX_SENDERS
 from onboard.mvs.host_vehicle import ReportedState
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.association import OVERLAP_M
 from onboard.tracking.kalman import predict
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 SILENCE_S = 1.5
 """A remote vehicle that has been silent for this long is dropped: fifteen BSMs in a row."""

@@ -22,10 +22,10 @@ from typing import NamedTuple
 from typing_extensions import override
 
 from onboard.core import Core
+from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.obd.hard_brake import MIN_SPEED_M_S, WINDOW_S, HardBrakeDetector
 from onboard.obd.speed_collapse import CollapseDetector
 from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
-from onboard.units import STANDARD_GRAVITY_M_S2
 
 STALE_S = 2.0
 """Silence of a broadcast signal after which it counts as not active."""

@@ -8,13 +8,13 @@ from typing import Any
 import cantools
 
 from onboard.errors import UserError
+from onboard.kinematics.units import KM_H, MPH
 from onboard.obd.braking import BrakeTrigger
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_database import parse_dbc
 from onboard.obd.dbc_excerpt import excerpt
 from onboard.obd.settings import BroadcastSettings
 from onboard.observations import BrakeCause, BrakePedal, Discarded, Side, Speed, TurnSignal
-from onboard.units import KM_H, MPH
 
 SPEED_UNITS: Mapping[str, float] = {
     "m/s": 1.0,

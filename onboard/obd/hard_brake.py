@@ -20,8 +20,8 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from onboard.kinematics.units import KM_H, STANDARD_GRAVITY_M_S2
 from onboard.observations import BrakePedal, Speed
-from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 WINDOW_S = 1.2
 """Longest span of samples: three at 2 Hz, and braking that is long enough for a warning."""

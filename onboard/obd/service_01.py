@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from onboard.units import KM_H
+from onboard.kinematics.units import KM_H
 
 SERVICE: Final = 0x01
 POSITIVE_RESPONSE: Final = 0x41

@@ -15,8 +15,8 @@ from typing import Any
 from typing_extensions import override
 
 from onboard.errors import UserError
+from onboard.lcca.plate_series import letters_and_number
 from onboard.observations import DetectionList, Lead
-from onboard.plate_series import letters_and_number
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 

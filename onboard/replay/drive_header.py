@@ -7,13 +7,13 @@ from importlib.metadata import version
 import numpy as np
 
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.config import CarConfig
 from onboard.obd.dbc_file import parse_signals
 from onboard.recorder.header import Certificates, RecordingHeader
 from onboard.recorder.identities import Aliases
 from onboard.replay.initial_state import InitialState
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
+from onboard.vehicle.config import CarConfig
 
 OF_THE_CORES = frozenset({
     "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "brake_request",

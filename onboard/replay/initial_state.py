@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from onboard.access.driver_model import DriverModel
-from onboard.config import CarConfig
 from onboard.observations import Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
-from onboard.stack import Stack
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 
 if TYPE_CHECKING:
     from onboard.obd.broadcast import BroadcastSignals

@@ -11,7 +11,7 @@ from onboard.recorder.settings import RecorderSettings
 from onboard.replay.drive_header import initial_state_of, make_header
 from onboard.replay.initial_state import InitialState
 from onboard.replay.tap import Tap
-from onboard.stack import Stack
+from onboard.vehicle.stack import Stack
 
 
 class RecordWriter(Protocol):

@@ -6,18 +6,17 @@ that repeats the steps gets the same outputs.
 
 from collections.abc import Callable, Iterable, Iterator
 
-from onboard import psid
 from onboard.errors import DecodeError
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage, StepEnd
 from onboard.security.plate_digest import PlateDigest
-from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
-from onboard.wave_udp import wsmp
+from onboard.tracking.perceived_object import PerceivedObject
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 POSITION_KINDS = frozenset({"position", "perceived_object"})

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.tracking.perceived_object import PerceivedObject
 
 RELEASE_S = 1.0
 """Time for which a lower level must last before an alarm goes down to it: alarms do not flicker."""

@@ -7,7 +7,7 @@ from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.tracking.perceived_object import PerceivedObject
 
 DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
 """Size of a vehicle that does not report it: a large car."""

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from functools import partial
 from operator import itemgetter
 
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.risk.alarm import AlarmReason, Assessment, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.fcw import MAX_REPORTED_DECELERATION_M_S2
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.required_deceleration import required_deceleration_m_s2
 from onboard.risk.settings import FcwSettings
+from onboard.tracking.perceived_object import PerceivedObject
 
 FLAG_HOLD_S = 1.0
 """Time for which a flag is valid: ten BSMs."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.tracking.perceived_object import PerceivedObject
 
 COMFORTABLE_M_S2 = 3.4
 """Deceleration that is comfortable for most drivers (AASHTO Green Book, stopping sight

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from onboard.mvs.perceived_object import PerceivedObject
 from onboard.observations import BrakePedal, Lead, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
 from onboard.risk.bsm_data import BsmDataStore
@@ -22,6 +21,7 @@ from onboard.risk.vehicles_ahead import (
     ObjectsAhead,
     VehicleAhead,
 )
+from onboard.tracking.perceived_object import PerceivedObject
 
 CONFIRM_S = 0.04
 """Time over which measurements of a vehicle must show a level, unless filtered: one outlier

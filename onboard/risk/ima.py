@@ -7,7 +7,6 @@ import numpy as np
 from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.kinematics.heading import Heading
 from onboard.messages.bsm_safety import ExteriorLights
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.bsm_data import BsmDataStore
@@ -23,6 +22,7 @@ from onboard.risk.path_crossing import CovarianceError, PathCrossing, path_cross
 from onboard.risk.settings import ImaSettings
 from onboard.risk.slow_vehicle import with_heading
 from onboard.risk.vehicle_motion import VehicleMotion
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 CROSSING_CAUSES = (Cause.IMA, Cause.LTA)
 MAX_AGE_S = 1.0

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk.path_crossing import MIN_ANGLE_RAD, PathCrossing, has_course, linearised
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 MAX_RADIUS_M = 30.0
 """Of a turn at a crossing; larger circles are bends of the road, which others follow too."""

@@ -17,7 +17,6 @@ from onboard.kinematics.heading import Heading
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.lcca import CarId
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import (
     BrakeCause,
     BrakePedal,
@@ -46,6 +45,7 @@ from onboard.risk.ima import CROSSING_CAUSES, IntersectionMovementAssist
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 from onboard.risk.vehicle_alarms import VehicleAlarms, urgency
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 SPEED_TIMEOUT_S = 1.0
 """Time for which a sample of the host vehicle's speed is valid."""

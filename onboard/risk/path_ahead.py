@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from onboard.bsm_transmission.path_prediction import WINDOW_S, PathPredictor
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Position
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 RANGE_M = 150.0
 """Farther ahead a vehicle asks for no reaction: 27 m/s stop in 100 m with 4 m/s^2."""

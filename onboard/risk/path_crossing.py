@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.tracking.perceived_object import PerceivedObject
 
 RANGE_M = 120.0
 """Largest distance of either vehicle from the crossing: 4 s at 30 m/s."""

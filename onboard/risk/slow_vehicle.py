@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.kinematics.heading import Heading
-from onboard.mvs.perceived_object import PerceivedObject
+from onboard.tracking.perceived_object import PerceivedObject
 
 BELOW_M_S = 4.0
 """A faster vehicle's velocity tells its course."""

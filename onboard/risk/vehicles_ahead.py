@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import NEW_LEAD_M, Lead, Speed
 from onboard.risk.alarm import AlarmReason
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.path_ahead import PathAhead
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 LEAD_WINDOW_S = 0.6
 """Window over which decelerations are estimated: ten images a second give six speeds."""

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
+from onboard.lcca.epoch_ids import OWN_NEXT_S
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.lcca.identification import MIN_ASKED
 from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead
-from onboard.security.epoch_ids import OWN_NEXT_S
 from onboard.security.plate_digest import PlateDigest
 from onboard.thread_priority import lower_thread_priority
 

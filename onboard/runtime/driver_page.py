@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from onboard.config import CarConfig
 from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_server import PageServer
 from onboard.hmi.settings import HmiSettings
 from onboard.replay.tap import Tap
-from onboard.stack import Stack
 from onboard.trace.trace_line import Event, as_line
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 
 
 class DriverPage:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import structlog
 
-from onboard.config import CarConfig, TraceSettings
 from onboard.replay.tap import Tap
-from onboard.stack import Stack
 from onboard.trace.trace_file import TraceFile
 from onboard.trace.trace_line import Event, as_json, as_record, as_trace_record
+from onboard.vehicle.config import CarConfig, TraceSettings
+from onboard.vehicle.stack import Stack
 from onboard.wave_udp.capture import PcapWriter
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
 """Signed revocation lists: verified before they revoke anything (IEEE 1609.2-2022, 7.4)."""
 
-from onboard import psid
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
 from onboard.security.crl import CrlContents
@@ -9,6 +8,7 @@ from onboard.security.ieee1609dot2 import UnsecuredData
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.trust import Trusted, TrustStore
+from onboard.wave_udp import psid
 
 
 def trust_store(credentials: Credentials) -> TrustStore:

@@ -7,7 +7,6 @@ come first, the signature last.
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from onboard.psid import BSM, MAP, SPAT
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -19,6 +18,7 @@ from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
 from onboard.security.trust import Trusted, TrustStore
+from onboard.wave_udp.psid import BSM, MAP, SPAT
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 

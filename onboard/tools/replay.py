@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.gnss.gnss_log import read_gnss_log
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded, Sensor
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import Input
 from onboard.trace.trace_line import Event
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 from onboard.vision.camera import open_recorded
 from onboard.vision.networks import load_perception
 from onboard.vision.settings import CameraSettings

@@ -19,7 +19,7 @@ The unit adds a WSMP header to the payload and sends it at once. PSIDs are p-enc
 from dataclasses import dataclass
 
 from onboard.errors import DecodeError
-from onboard.psid import p_decode, p_encode
+from onboard.wave_udp.psid import p_decode, p_encode
 
 _FIELDS = (
     "Version",

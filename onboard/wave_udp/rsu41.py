@@ -8,10 +8,10 @@ import asyncio
 from collections.abc import Callable
 
 from onboard.errors import DecodeError
-from onboard.psid import BSM
 from onboard.wave_udp import immediate_forward, wsmp
 from onboard.wave_udp.drained_socket import DrainedSocket, udp_socket
 from onboard.wave_udp.immediate_forward import ImmediateForward
+from onboard.wave_udp.psid import BSM
 from onboard.wave_udp.settings import Rsu41Settings
 from onboard.wave_udp.wsmp import WaveShortMessage
 

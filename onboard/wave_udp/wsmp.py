@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from onboard.errors import DecodeError
-from onboard.psid import p_decode, p_encode
+from onboard.wave_udp.psid import p_decode, p_encode
 
 ETHERTYPE: Final = 0x88DC
 """EtherType of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from typing import Any
 
-from onboard.config import CarConfig
 from onboard.recorder.header import RecordingHeader
 from onboard.replay.drive_header import OF_THE_CORES
 from onboard.settings import SettingsError, parse_settings
+from onboard.vehicle.config import CarConfig
 from sim_rig.scenario.car_config import car_config
 from sim_rig.scenario.schema import Scenario
 

@@ -5,14 +5,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from onboard import psid
 from onboard.errors import DecodeError
 from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData
 from onboard.security import ieee1609dot2
 from onboard.security.oer import Malformed, Unsupported
 from onboard.tools.doctor.finding import Finding, FindingLevel
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.scenario.schema import Scenario
 

@@ -5,14 +5,13 @@ A box without a recording, as of another vendor, has no other trace.
 
 from collections.abc import Mapping
 
-from onboard import psid
 from onboard.errors import DecodeError
 from onboard.messages import lcca
+from onboard.messages.exchanged import MessageSent
 from onboard.security import ieee1609dot2
 from onboard.security.oer import Malformed, Unsupported
 from onboard.trace.trace_line import as_record
-from onboard.wave_link import MessageSent
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
 from sim_rig.run_log.run_log import Record
 
 

@@ -4,7 +4,6 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from onboard import psid
 from onboard.security.credentials import Authority, Credentials
 from onboard.security.key_files import (
     read_authority,
@@ -21,6 +20,7 @@ from onboard.tools.test_ca.authority import (
     make_root,
     make_trial,
 )
+from onboard.wave_udp import psid
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.cars.background_traffic import background_names
 from sim_rig.road_side.road_side_unit import road_side_units

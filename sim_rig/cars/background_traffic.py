@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from onboard.config import CarConfig
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
-from onboard.stack import Stack
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 from sim_rig.radio.air import Air, Delivery
 from sim_rig.scenario.car_config import DIGEST
 from sim_rig.scenario.schema import Scenario

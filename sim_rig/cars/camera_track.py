@@ -1,9 +1,9 @@
 """Model of one camera track, without images: gap, closing speed and plate, with their errors.
 
 The tables were measured on rendered JPEG images with `onboard.vision.perception`, with the lens and
-frame rate of the rig's cameras; `tests/sim_rig/test_camera_model.py` compares model and perception.
-What the plate is read as follows photographs instead (`plate_readings.py`): rendered plates are
-easier to read.
+frame rate of the rig's cameras; `tests/sim_rig/cars/test_camera_model.py` compares model and
+perception. What the plate is read as follows photographs instead (`plate_readings.py`): rendered
+plates are easier to read.
 """
 
 import math

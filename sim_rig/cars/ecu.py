@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count
 
+from onboard.kinematics.units import KM_H
 from onboard.obd.can_frame import CanFrame
-from onboard.units import KM_H
 
 N_BS_S = 1.0
 """Timeout of the sender for flow control (ISO 15765-2:2016, table 16)."""

@@ -14,7 +14,7 @@ from operator import xor
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.units import KNOT
+from onboard.kinematics.units import KNOT
 from sim_rig.roads.earth import ORIGIN_HEIGHT_M, to_degrees
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import ReceiverSettings

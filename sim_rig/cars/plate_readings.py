@@ -30,7 +30,7 @@ WIDTHS_PX = (16.0, 25.0, 30.0, 36.0, 45.0, 80.0)
 DISCRIMINABILITY = (0.0, 7.0, 11.0, 15.0, 20.0, 24.0)
 """At the widths above; linear in between, constant above. Fitted to photographs of three regions,
 made smaller until the plate has that width: the share of plates whose text is among the K likeliest
-(`tests/sim_rig/test_plate_readings.py` compares them)."""
+(`tests/sim_rig/cars/test_plate_readings.py` compares them)."""
 SPREAD = 0.28
 """Standard deviation of the logarithm of d between plates, from the same fit."""
 LASTING = 0.6

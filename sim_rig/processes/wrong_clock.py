@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from onboard.cli import main
+from onboard.tools.cli import main
 from sim_rig.scenario.faults import WrongClock
 
 START_FILE = "begins"

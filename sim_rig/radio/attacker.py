@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 
-from onboard import psid
 from onboard.errors import DecodeError
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
@@ -21,7 +20,7 @@ from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import SignedData
 from onboard.security.security_services import SecurityServices
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.scenario.faults import Attack
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from onboard.units import KM_H
+from onboard.kinematics.units import KM_H
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.scenario.schema import Scenario
 

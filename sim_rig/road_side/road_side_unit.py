@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from onboard import psid
 from onboard.messages import map_data, spat
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.radio.air import Air, CarsAt, Delivery
 from sim_rig.radio.models import open_air

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from onboard import psid
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.step import SentWsm
 from onboard.tools.test_ca.authority import make_trial
+from onboard.wave_udp import psid
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.radio.faulty_air import FaultyAir

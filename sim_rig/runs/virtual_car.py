@@ -7,7 +7,6 @@ import numpy as np
 
 from onboard.brake_request import datagram
 from onboard.brake_request.brake_requester import BrakeRequest
-from onboard.config import CarConfig
 from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
@@ -20,6 +19,7 @@ from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, Observation, ReceivedWsm, SentWsm
 from onboard.trace.trace_line import as_trace_record
+from onboard.vehicle.config import CarConfig
 from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.cars.camera_model import CameraModel
 from sim_rig.cars.camera_view import FPS, CameraView, calibration

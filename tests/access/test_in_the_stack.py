@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.config import CarConfig
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import as_record
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 
 
 def stack_of(plate: str, seed: int, enabled: bool, driver: DriverModel | None = None) -> Stack:

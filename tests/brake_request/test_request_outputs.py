@@ -16,12 +16,12 @@ from onboard.brake_request.settings import (
     RequestDatagramSettings,
     RequestFrameSettings,
 )
-from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded
 from onboard.risk.alarm import Cause
 from onboard.settings import SettingsError, parse_settings
+from onboard.vehicle.config import CarConfig
 from sim_rig.cars.socketcand_server import SocketcandServer
 from tests.brake_request.test_request_frame import DBC, WHOLE
 

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Sensor, SensorLost
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.browser.driver_page import (
     DESKTOP,
     PHONE,

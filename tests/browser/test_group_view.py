@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from onboard.wave_link import MessageReceived
+from onboard.messages.exchanged import MessageReceived
 from tests.browser.driver_page import DESKTOP, PHONE, PHONE_ON_ITS_SIDE, SMALL_SCREEN, open_page
 from tests.hmi.row import Row
 

@@ -9,10 +9,10 @@ from playwright.sync_api import Browser, Page
 from sim_rig.reporting.scenario_from_above import show_scenario
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
-from sim_rig.studies.campaign import Workers, run_campaign
-from sim_rig.studies.mvs_collisions import run_one
-from sim_rig.studies.show import show_run
-from tests.sim_rig.test_show import SETTINGS, WITH
+from sim_rig.studies.campaigns.campaign import Workers, run_campaign
+from sim_rig.studies.mvs.collisions import run_one
+from sim_rig.studies.mvs.show import show_run
+from tests.sim_rig.studies.mvs.test_show import SETTINGS, WITH
 
 pytestmark = pytest.mark.browser
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from onboard.bsm_transmission.transmitter import ALL_WHEELS, BsmTransmitter
+from onboard.kinematics.units import KM_H
 from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
 from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
@@ -17,7 +18,6 @@ from onboard.observations import (
     TurnSignal,
 )
 from onboard.security.pseudonyms import Pseudonym
-from onboard.units import KM_H
 
 SIDES: tuple[Side, ...] = ("left", "right")
 WHO = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)

@@ -3,8 +3,8 @@
 import pytest
 
 from deploy.vm.ladder import car_yaml, wires
-from onboard.config import CarConfig
 from onboard.settings import parse_settings
+from onboard.vehicle.config import CarConfig
 from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.scenario.schema import load_scenario

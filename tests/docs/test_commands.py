@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from onboard.cli import app as onboard
+from onboard.tools.cli import app as onboard
 from sim_rig.cli import app as sim_rig
 from sim_rig.scenario.catalogue import scenario_names
-from sim_rig.studies.catalogue import study_names
+from sim_rig.studies.campaigns.catalogue import study_names
 from tests.docs.test_pages import PAGES, ROOT, name_of
 
 COMMANDS = {

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.nmea_sentence import SentenceError, parse
 from onboard.gnss.settings import GnssSettings
+from onboard.kinematics.units import KNOT
 from onboard.observations import Discarded, Position
-from onboard.units import KNOT
 
 RMC = "GNRMC,045000.34,A,5606.25716,N,01008.71506,E,30.567,45.00,260721,,,A"
 GGA = "GNGGA,045000.34,5606.25716,N,01008.71506,E,1,10,1.0,20.0,M,43.5,M,,"

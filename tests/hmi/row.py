@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from onboard.config import CarConfig
 from onboard.obd.settings import CanSettings
 from onboard.observations import (
     HardBrake,
@@ -27,9 +26,10 @@ from onboard.observations import (
 )
 from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
-from onboard.stack import Stack
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.trace.trace_line import Event
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
 from onboard.vision.settings import CameraSettings
 from tests.leads import known_lead
 

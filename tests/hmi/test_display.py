@@ -21,7 +21,6 @@ from onboard.lcca.identification import CarIdentity
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import NO_ID, Join
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import (
     BrakeCause,
     DetectionList,
@@ -36,6 +35,7 @@ from onboard.observations import (
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
 from onboard.trace.trace_line import as_record
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 HOST = bytes.fromhex("00112233445566aa")
 OTHER = bytes.fromhex("ffeeddccbbaa9988")

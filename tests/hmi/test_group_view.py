@@ -16,9 +16,9 @@ from onboard.hmi.group_view import (
 )
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.transitions import GroupState
+from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.messages.lcca import NO_ID, Join
 from onboard.observations import HardBrake
-from onboard.wave_link import MessageReceived, MessageSent
 from tests.lcca.one_car import A, B, OneCar, member_of_a
 from tests.lcca.road import car_id
 

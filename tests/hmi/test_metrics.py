@@ -7,6 +7,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from onboard.hmi.metrics import Metrics
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupEvent, GroupState
+from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.observations import (
     Discarded,
     Lead,
@@ -17,7 +18,6 @@ from onboard.observations import (
     Speed,
 )
 from onboard.risk.alarm import Alarm, Cause, Level
-from onboard.wave_link import MessageReceived, MessageSent
 
 
 def read(metrics: Metrics) -> dict[str, float]:

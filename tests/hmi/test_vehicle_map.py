@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.hmi.vehicle_map import MOST_VEHICLES, RANGE_M, VehicleMap
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 
 def perceived(

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from onboard import psid
 from onboard.intersections import intersections as core
 from onboard.intersections.intersections import Intersections, SignalAhead
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import map_data, spat
 from onboard.messages.lanes import IntersectionReferenceId
 from onboard.messages.spat import IntersectionStatus
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Position
 from onboard.security.security_services import Opened
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.wave_udp import psid
 from tests.intersections.test_signal_phase import GREEN, RED, SENT_UTC_S
 from tests.messages.crossing_messages import ID, crossing_map, crossing_spat, lane, movement
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from onboard.kinematics.acceleration import AccelerationEstimator
-from onboard.units import KM_H
+from onboard.kinematics.units import KM_H
 
 
 def trend_of(samples: list[tuple[float, float]], window_s: float = 0.5) -> AccelerationEstimator:

@@ -8,9 +8,9 @@ import pytest
 from onboard.messages import mvs_footer
 from onboard.mvs import host_vehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.mvs.world import EXACT, Car, Message, World, only, ring
 
 # --- The paper's Figure 1 ------------------------------------------------------------------------

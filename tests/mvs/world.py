@@ -8,11 +8,11 @@ import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import sdsm
-from onboard.mvs.footer_validation import MAX_MEASUREMENTS_PER_ESTIMATE
+from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.mvs.settings import MvsSettings, SensingSettings, SharedIn
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 ORIGIN = LocalFrame(48.1, 11.5)
 EXACT = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.01))

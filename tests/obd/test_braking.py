@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.obd.braking import LEAST_M_S2, RELEASE_S, STALE_S, BrakeTrigger, Braking
 from onboard.obd.hard_brake import WINDOW_S
 from onboard.observations import BrakeCause, BrakePedal, Speed
-from onboard.units import STANDARD_GRAVITY_M_S2
 
 THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
 

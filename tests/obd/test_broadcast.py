@@ -7,12 +7,12 @@ import pytest
 from pydantic import ValidationError
 
 from onboard.errors import UserError
+from onboard.kinematics.units import KM_H, MPH
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed, TurnSignal
-from onboard.units import KM_H, MPH
 
 DBC = """VERSION ""
 NS_ :

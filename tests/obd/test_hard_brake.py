@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H, STANDARD_GRAVITY_M_S2
 from onboard.obd.braking import CHANGE_INTERVAL_S, Braking
 from onboard.observations import BrakeCause, BrakePedal, Speed
-from onboard.units import KM_H, STANDARD_GRAVITY_M_S2
 
 THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
 

@@ -9,12 +9,12 @@ import isotp
 import numpy as np
 import pytest
 
+from onboard.kinematics.units import KM_H
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import HardBrake, Speed
-from onboard.units import KM_H
 
 pytestmark = pytest.mark.realdata
 

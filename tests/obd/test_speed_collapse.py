@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H
 from onboard.obd.braking import Braking
 from onboard.obd.speed_collapse import COLLISION_S, CONFIRM_S
 from onboard.observations import BrakeCause, Speed
-from onboard.units import KM_H
 
 ENGINE, GEARBOX = "obd:7E8", "obd:7EA"
 

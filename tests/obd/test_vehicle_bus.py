@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakeCause, Discarded, HardBrake, Speed
-from onboard.units import KM_H
 
 ENGINE, GEARBOX = 0x7E8, 0x7EA
 ENGINE_29, GEARBOX_29 = 0x18DAF110, 0x18DAF118

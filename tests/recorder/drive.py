@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from onboard import psid
-from onboard.config import CarConfig
 from onboard.observations import ImageBox as Pixels
 from onboard.observations import Lead, LeadIdentity, Plate, PlateCandidate, Position, Sensor, Speed
 from onboard.recorder.header import RecordingHeader
@@ -20,6 +18,8 @@ from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vehicle.config import CarConfig
+from onboard.wave_udp import psid
 
 START_UTC_S = 1_750_000_480.0
 """20 s before the communication IDs change."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.lcca.plate_series import letters_and_number
 from onboard.observations import (
     DetectionList,
     ImageBox,
@@ -17,7 +18,6 @@ from onboard.observations import (
     PlateCandidate,
     VehicleDetection,
 )
-from onboard.plate_series import letters_and_number
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry

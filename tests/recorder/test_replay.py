@@ -14,7 +14,6 @@ from mcap.records import McapRecord, Message, Metadata
 from typing_extensions import override
 
 from onboard.brake_request.settings import BrakeRequestSettings
-from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
@@ -23,6 +22,7 @@ from onboard.recorder.repair import write_records
 from onboard.replay.drive_header import OF_THE_CORES, initial_state_of, make_header
 from onboard.replay.replay import compare, play
 from onboard.security.plate_digest import normalised
+from onboard.vehicle.config import CarConfig
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, SIMILAR, record_drive

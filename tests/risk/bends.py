@@ -11,10 +11,10 @@ from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Position
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 FRAME = LocalFrame(48.1, 11.5)
 OTHER_ID = bytes.fromhex("0a0b0c0d")

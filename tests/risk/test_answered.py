@@ -9,13 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.required_deceleration import required_deceleration_m_s2
 from onboard.risk.settings import RiskSettings
 from onboard.risk.vehicles_ahead import LEAD_WINDOW_S
-from onboard.units import KM_H
 
 Braking = Callable[[float], float]
 """Time in s -> deceleration in m/s^2."""

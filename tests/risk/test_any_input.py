@@ -12,11 +12,11 @@ from onboard.lcca.events import WarningOver
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.lcca_warnings import lcca_warning
 
 STEP_S = 0.1

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H, MPH, STANDARD_GRAVITY_M_S2
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.fcw import fcw_level, settled_closing_speed_m_s
@@ -19,7 +20,6 @@ from onboard.risk.required_deceleration import (
 )
 from onboard.risk.settings import FcwSettings, RiskSettings
 from onboard.risk.vehicles_ahead import LeadMotion
-from onboard.units import KM_H, MPH, STANDARD_GRAVITY_M_S2
 
 Motion = Callable[[float], tuple[float, float]]
 """Time in s -> (distance driven in m, speed in m/s)."""

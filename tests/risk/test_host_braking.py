@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Speed
 from onboard.risk.host_braking import HostBraking
-from onboard.units import KM_H
 
 WINDOW_S = 0.6
 BRAKING_M_S2 = 5.0

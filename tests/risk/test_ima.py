@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.risk import mean_collision_probability
 from onboard.risk.collision_probability import Approach, collision_probability
 from onboard.risk.conflict_zone import CarSize, XCrossing
@@ -20,6 +19,7 @@ from onboard.risk.mean_collision_probability import (
 )
 from onboard.risk.path_crossing import CovarianceError, path_crossing
 from onboard.risk.settings import ImaSettings
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 SETTINGS = ImaSettings()
 CAR = DrivenVehicle(5.0, 1.75)

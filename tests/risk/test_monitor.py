@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from onboard.kinematics.units import KM_H
 from onboard.lcca.events import WarningLevel, WarningOver
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import BrakeCause, Discarded, Lead, LeadIdentity, Position, Speed
 from onboard.risk.alarm import RELEASE_S, Alarm, Cause, Level
 from onboard.risk.monitor import RiskMonitor
@@ -19,7 +19,7 @@ from onboard.risk.settings import RiskSettings
 from onboard.risk.vehicle_alarms import MOST_VEHICLES
 from onboard.trace.trace_line import as_line
 from onboard.tracking.evidence import MeasurementId
-from onboard.units import KM_H
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.lcca_warnings import lcca_warning
 
 OTHER_ID = bytes.fromhex("0a0b0c0d")

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.kinematics.units import KM_H
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
-from onboard.units import KM_H
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.bends import Road, as_object, noisy_fix
 
 SPEED_M_S = 15.0

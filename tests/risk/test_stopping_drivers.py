@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
+from onboard.kinematics.units import KM_H
 from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
-from onboard.units import KM_H
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 LINE_M = 8.5
 """Of a vehicle's centre before the middle of the crossing, when it stands at the stop line."""

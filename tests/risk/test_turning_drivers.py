@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from onboard.kinematics.heading import Heading
+from onboard.kinematics.units import KM_H
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
-from onboard.mvs.perceived_object import ObjectSource, PerceivedObject
 from onboard.observations import Side, Speed, TurnSignal
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
-from onboard.units import KM_H
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 Motion = Callable[[float], tuple[float, float, float, float]]
 """Position east and north, course from east, and speed at a time."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from onboard.lcca.epoch_ids import OWN_NEXT_S
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
 from onboard.recorder.identities import RecordingDigest
@@ -18,7 +19,6 @@ from onboard.runtime.candidate_ids import (
     CandidateIds,
     next_derivation,
 )
-from onboard.security.epoch_ids import OWN_NEXT_S
 from onboard.security.plate_digest import PlateDigest, normalised
 from onboard.security.settings import PlateDigestSettings
 

@@ -6,7 +6,6 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from onboard.psid import BSM, LCCA
 from onboard.security import ieee1609dot2, p256
 from onboard.security.peer_to_peer import (
     ANSWER_INTERVAL_S,
@@ -23,6 +22,7 @@ from onboard.security.peer_to_peer import (
 from onboard.security.rejection import NotTrusted
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms
+from onboard.wave_udp.psid import BSM, LCCA
 from tests.security.trial import ALICE, ISSUING, ROOT, UTC_S, VALID, reread
 
 NEW_KEY = p256.key_from(np.random.default_rng(8))

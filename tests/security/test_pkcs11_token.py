@@ -13,17 +13,17 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from typer.testing import CliRunner
 
-from onboard.cli import app
-from onboard.config import CarConfig
 from onboard.errors import UserError
-from onboard.psid import BSM
 from onboard.security import key_files, p256, pkcs11_token
 from onboard.security.pkcs11_token import Pkcs11Token, TokenError
 from onboard.security.security_services import SecurityServices
 from onboard.security.settings import SecuritySettings, TokenSettings
 from onboard.settings import load_settings
+from onboard.tools.cli import app
 from onboard.tools.doctor.computer import examine_keys
 from onboard.tools.doctor.finding import FindingLevel
+from onboard.vehicle.config import CarConfig
+from onboard.wave_udp.psid import BSM
 
 MODULE = Path("/usr/lib/softhsm/libsofthsm2.so")
 PIN = "1234"

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.psid import CRL
 from onboard.security import ieee1609dot2, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
@@ -34,6 +33,7 @@ from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.tools.test_ca import authority
 from onboard.tools.test_ca.authority import make_crl, make_issuing, make_pseudonyms
+from onboard.wave_udp.psid import CRL
 from tests.security.trial import ALICE, BOB, BSM, CAROL, ISSUING, ROOT, UTC_S, VALID, new_key
 
 ORACLE = asn1tools.compile_files(str(Path(__file__).with_name("crl_oracle.asn1")), "oer")

@@ -2,6 +2,7 @@
 
 import pytest
 
+from onboard.kinematics.units import KM_H
 from onboard.observations import (
     DetectionList,
     ImageBox,
@@ -15,7 +16,6 @@ from onboard.observations import (
 )
 from onboard.sensors.host_sensors import HostSensors
 from onboard.step import Observation
-from onboard.units import KM_H
 from tests.leads import known_lead
 
 SEEN = VehicleDetection(0.9, 7, 20.0, 0.3, 0.0, 0.01)

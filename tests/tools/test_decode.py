@@ -8,7 +8,6 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from onboard import psid
 from onboard.errors import UserError
 from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
@@ -18,7 +17,7 @@ from onboard.messages.mvs_footer import MvsFooter
 from onboard.security import ieee1609dot2
 from onboard.tools.decode.cli import decode
 from onboard.tools.decode.describe import Form, describe
-from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp import immediate_forward, psid, wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.immediate_forward import ImmediateForward
 from onboard.wave_udp.wsmp import Element, WaveShortMessage

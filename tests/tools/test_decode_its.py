@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pycrate_asn1dir.ITS_DENM_3 import DENM_PDU_Descriptions
 from typer.testing import CliRunner
 
-from onboard.cli import app
 from onboard.security import ieee1609dot2
+from onboard.tools.cli import app
 from onboard.tools.decode.describe import Form, describe
 from onboard.wave_udp.capture import ETHERTYPE_GEONETWORKING, LINKTYPE_ETHERNET
 from tests.wave_udp.test_capture import needs_tshark, tshark

@@ -15,13 +15,13 @@ import pytest
 import yaml
 
 from onboard.gnss.settings import GnssSettings
+from onboard.kinematics.units import KM_H
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.security.key_files import write_credentials
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor import camera, can_bus, computer, gnss_receiver, radio
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.tools.test_ca.authority import make_trial
-from onboard.units import KM_H
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.cars.camera_server import CameraServer

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.cli import UNCONFIGURED
 from onboard.errors import UserError
+from onboard.kinematics.units import KM_H
 from onboard.observations import LeadIdentity, Sensor, SensorLost
+from onboard.tools.cli import UNCONFIGURED
 from onboard.tools.replay import RawRecording, replay
-from onboard.units import KM_H
 
 
 @pytest.mark.long

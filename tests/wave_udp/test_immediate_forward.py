@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
-from onboard.psid import HIGHEST
 from onboard.wave_udp import wsmp
 from onboard.wave_udp.immediate_forward import ImmediateForward, decode, encode
+from onboard.wave_udp.psid import HIGHEST
 from onboard.wave_udp.rsu41 import as_immediate_forward, as_wsm
 from onboard.wave_udp.settings import Rsu41Settings
 from onboard.wave_udp.wsmp import WaveShortMessage

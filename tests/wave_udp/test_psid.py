@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard import psid
 from onboard.errors import DecodeError
-from onboard.psid import p_decode, p_encode
+from onboard.wave_udp import psid
+from onboard.wave_udp.psid import p_decode, p_encode
 
 # As the ISO/TC 204 and IEEE registries list them: value, and its p-encoding.
 REGISTERED = {

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import pytest
 
-from onboard import psid
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
@@ -14,7 +13,8 @@ from onboard.security.ieee1609dot2 import (
     encode_unsecured,
     signer_in,
 )
-from onboard.wave_link import bsm_sender
+from onboard.vehicle.wave_link import bsm_sender
+from onboard.wave_udp import psid
 from onboard.wave_udp.receive_queue import (
     KEEP_ALL_BELOW,
     MAX_SENDERS,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
-from onboard.psid import HIGHEST
+from onboard.wave_udp.psid import HIGHEST
 from onboard.wave_udp.wsmp import MAX_DATA_BYTES, Element, WaveShortMessage, decode, encode
 
 PLAIN = WaveShortMessage(psid=0x20, payload=b"\x03\x80\x01\xaa")

@@ -9,7 +9,6 @@ from enum import StrEnum
 from itertools import chain, count
 from typing import Any
 
-from onboard import psid
 from onboard.errors import DecodeError
 from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, sdsm, spat
 from onboard.security import ieee1609dot2
@@ -20,7 +19,7 @@ from onboard.security.oer import Malformed, Unsupported
 from onboard.security.region import GeographicRegion
 from onboard.security.rejection import RejectionReason
 from onboard.tools.decode import geonetworking, its_messages
-from onboard.wave_udp import immediate_forward, wsmp
+from onboard.wave_udp import immediate_forward, psid, wsmp
 
 
 class Form(StrEnum):

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 
 from onboard.errors import UserError
+from onboard.kinematics.units import KM_H
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
@@ -11,7 +12,6 @@ from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Speed
 from onboard.tools.doctor.finding import Finding, FindingLevel
-from onboard.units import KM_H
 
 STEP_S = 0.01
 """Between two calls of the core."""

@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.settings import load_settings
 from onboard.tools.doctor.camera import examine_camera
@@ -20,6 +19,7 @@ from onboard.tools.doctor.detector import examine_detector
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.tools.doctor.gnss_receiver import examine_gnss_receiver
 from onboard.tools.doctor.radio import examine_radio
+from onboard.vehicle.config import CarConfig
 
 INSTALLED_CONFIG = Path("/etc/onboard/car.yaml")
 

@@ -11,11 +11,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import onboard
-from onboard.config import CarConfig
 from onboard.security.key_files import KeyFilesError, read_own_credentials
 from onboard.security.pkcs11_token import TokenError
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.vehicle.config import CarConfig
 
 DAY_S = 86_400.0
 LEAST_FREE_BYTES, SCARCE_BYTES = 256 << 20, 2 << 30

@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import TypedDict
 
-from onboard.psid import CRL, OF_ROAD_SIDE_UNITS
 from onboard.security import ecqv, ieee1609dot2, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
@@ -21,6 +20,7 @@ from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.crl import CrlContents, CrlSsp, HashIdCrl
 from onboard.security.crl_codec import encode_crl, encode_ssp
 from onboard.security.region import GeographicRegion
+from onboard.wave_udp.psid import CRL, OF_ROAD_SIDE_UNITS
 
 DAY_S = 86_400.0
 _SERIES = 1

@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from onboard import psid as psids
-from onboard.config import CarConfig
 from onboard.errors import UserError
 from onboard.security import key_files, p256
 from onboard.security.certificates import Certificate
@@ -17,6 +15,8 @@ from onboard.security.its_time import to_time32
 from onboard.security.pkcs11_token import Pkcs11Token
 from onboard.settings import load_settings
 from onboard.tools.test_ca import authority
+from onboard.vehicle.config import CarConfig
+from onboard.wave_udp import psid as psids
 
 keys = typer.Typer(
     help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each vehicle.",

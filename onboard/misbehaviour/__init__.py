@@ -1,0 +1,1 @@
+"""Which messages count: checks of what a verified message claims, and charges to its signer."""

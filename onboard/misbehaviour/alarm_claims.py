@@ -1,0 +1,133 @@
+"""Who claims what an alarm rests on, and whether they are credible.
+
+What own sensors measure is no claim. A remote vehicle is claimed by its signer, a vehicle
+without radio by those who measured it and report it themselves, else by those who pass it on, a
+braking in the group by the first who warned of it. A test of the brake button claims nothing.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Sequence
+
+from onboard.lcca.events import WarningLevel, WarningRaised
+from onboard.messages.lcca import CarId, Warn
+from onboard.misbehaviour.signer_credibility import SignerCredibility
+from onboard.observations import BrakeCause, Lead
+from onboard.risk.alarm import Assessment, Cause
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+
+IN_LANE_CAUSES = frozenset({Cause.LCCA, Cause.EEBL, Cause.FCW})
+"""True ones slow the traffic ahead down."""
+
+MAX_SIGMA_M_S = 1.0
+"""Of a closing speed that shows the lead vehicle slowing down."""
+
+_UNKNOWN = b""
+"""The signer of a braking that too many others have displaced."""
+_MAX_BRAKINGS = 256
+
+
+class AlarmClaims:
+    """Asks for each alarm that rests on claims whether their signers are credible."""
+
+    def __init__(
+        self,
+        signer_of: Callable[[bytes], bytes | None],
+        is_road_side_unit: Callable[[bytes], bool],
+        *,
+        has_sight: bool,
+    ) -> None:
+        """Start without claims.
+
+        Args:
+            signer_of: the signer of a remote vehicle's BSMs, by temporary ID.
+            is_road_side_unit: whether a signer is one.
+            has_sight: whether a sensor looks ahead. Without, the host's own slowing down confirms
+                an alarm.
+        """
+        self.credibility = SignerCredibility(is_road_side_unit)
+        self._signer_of = signer_of
+        self._has_sight = has_sight
+        self._speed_m_s = 0.0
+        self._lead_track: int | None = None
+        self._objects: dict[str, PerceivedObject] = {}
+        self._first_signers: OrderedDict[tuple[CarId, int], bytes] = OrderedDict()
+        """First signer of each braking, by its vehicle and first sequence number."""
+        self._brakings: OrderedDict[str, bytes] = OrderedDict()
+        """Signer of the last one of each vehicle, by the name that alarms have for it."""
+
+    def receive_warn(self, warn: Warn, signer: bytes | None) -> None:
+        """Take a warning on the air that the group is given next."""
+        braking = warn.event_origin_id, warn.first_sequence
+        self._first_signers.setdefault(braking, signer or _UNKNOWN)
+        if len(self._first_signers) > _MAX_BRAKINGS:
+            self._first_signers.popitem(last=False)
+
+    def receive_warning(self, warning: WarningRaised | WarningLevel) -> None:
+        """Take a warning, or a new level of it, of which the group tells the driver."""
+        name = warning.origin_id.hex()
+        if warning.cause is BrakeCause.TEST:
+            self._brakings.pop(name, None)
+            return
+        key = warning.origin_id, warning.sequence
+        self._brakings[name] = self._first_signers.get(key, _UNKNOWN)
+        self._brakings.move_to_end(name)
+        if len(self._brakings) > _MAX_BRAKINGS:
+            self._brakings.popitem(last=False)
+
+    def receive_speed(self, speed_m_s: float, now: float) -> None:
+        """Take the host vehicle's speed."""
+        self._speed_m_s = speed_m_s
+        if not self._has_sight:
+            self.credibility.receive_traffic_speed(speed_m_s, now)
+
+    def receive_lead(self, lead: Lead, now: float) -> None:
+        """Take an observation of the lead vehicle, for its speed."""
+        sigma_m_s = lead.closing_speed_sigma_m_s
+        if lead.track_id not in (None, self._lead_track):
+            self._lead_track = lead.track_id
+            self.credibility.receive_other_traffic()
+        if lead.closing_speed_m_s is not None and (sigma_m_s or 0.0) <= MAX_SIGMA_M_S:
+            lead_m_s = self._speed_m_s - lead.closing_speed_m_s
+            self.credibility.receive_traffic_speed(lead_m_s, now)
+
+    def alarming(self, objects: Sequence[PerceivedObject], now: float) -> list[PerceivedObject]:
+        """Return the perceived objects but those that only ignored signers claim."""
+        self._objects = {each.name: each for each in objects}
+        sensed = {each.name for each in objects if each.is_sensed}
+        self.credibility.receive_sensed(sensed, now)
+        return [each for each in objects if self._may_alarm(each, now)]
+
+    def permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        """Whether an assessment may raise an alarm, or keep it on."""
+        slows_traffic = cause in IN_LANE_CAUSES or not self._has_sight
+        for name in dict.fromkeys(reason.name for reason in assessment.reasons):
+            signers = self._claimants(name)
+            if signers and not self.credibility.permits(
+                cause.value, name, signers, now, slows_traffic=slows_traffic
+            ):
+                return False
+        return True
+
+    def is_ignored(self, name: str, signers: Collection[bytes], now: float) -> bool:
+        """Whether what only these signers claim raises no alarm; one that is on goes on."""
+        return all(
+            self.credibility.is_ignored(one, now) for one in signers
+        ) and not self.credibility.is_paid(name, now)
+
+    def _may_alarm(self, each: PerceivedObject, now: float) -> bool:
+        signers = self._claimants(each.name)
+        return not signers or not self.is_ignored(each.name, signers, now)
+
+    def _claimants(self, name: str) -> frozenset[bytes]:
+        """Return who claims a braking or a vehicle; nobody, if own sensors measure it."""
+        claimed = self._objects.get(name)
+        if claimed is None:
+            return frozenset({self._brakings[name]} if name in self._brakings else ())
+        if claimed.is_sensed:
+            return frozenset()
+        if claimed.source is ObjectSource.BSM:
+            ids = frozenset({bytes.fromhex(name)})
+        else:
+            observers = {measured.observer for measured in claimed.provenance}
+            ids = claimed.reporters & observers or claimed.reporters
+        return frozenset(self._signer_of(each) or _UNKNOWN for each in ids)

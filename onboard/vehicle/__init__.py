@@ -1,0 +1,1 @@
+"""One vehicle: its cores connected, its configuration, and its messages to frames and back."""

@@ -1,0 +1,213 @@
+"""LCCA of one vehicle: its group, the identification of the lead, and what both are given.
+
+Both know vehicles by their communication IDs and rely on what they are given. Here plates become
+IDs, IDs of adjacent epochs are masked on the air, and what is not credible is refused.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from onboard.errors import DecodeError
+from onboard.lcca.epoch_ids import CarIds, EpochIds
+from onboard.lcca.events import PrecedingVehicle, TrackedVehicle, WarningLevel, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import Identification
+from onboard.lcca.parameters import GroupParameters
+from onboard.messages import lcca
+from onboard.messages.exchanged import MessageReceived
+from onboard.misbehaviour.alarm_claims import AlarmClaims
+from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
+from onboard.misbehaviour.pending_warnings import PendingWarnings
+from onboard.misbehaviour.sender_check import sender_violation
+from onboard.observations import Discarded, Lead, LeadIdentity
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonym
+from onboard.security.security_services import Opened, SecurityServices
+from onboard.trace.trace_line import Event
+
+
+class LccaApplication:
+    """Sends and receives LCCA messages; the timers of its three cores are handled by the stack."""
+
+    def __init__(
+        self,
+        parameters: GroupParameters,
+        plate: str,
+        pseudonym: Pseudonym,
+        rng: np.random.Generator,
+        *,
+        digest: PlateDigest,
+        security: SecurityServices,
+        misbehaviour: MisbehaviourDetector,
+        claims: AlarmClaims | None = None,
+    ) -> None:
+        """Start without a lead and a group.
+
+        Args:
+            parameters: of the group's protocol.
+            plate: the own one.
+            pseudonym: the present identifiers.
+            rng: for start values of sequence numbers and random delays.
+            digest: derives communication IDs from plates.
+            security: knows UTC.
+            misbehaviour: knows who uses which ID, and the BSMs of all signers.
+            claims: knows which signers are credible; `None`: all are.
+        """
+        self._digest = digest
+        self._epoch_ids = EpochIds(digest, plate)
+        self._security = security
+        self._misbehaviour = misbehaviour
+        self._claims = claims
+        self.group = WarningGroup(parameters, pseudonym.car_id, rng)
+        self.identification = Identification(pseudonym.car_id, pseudonym.temporary_id, rng)
+        self.pending_warnings = PendingWarnings(misbehaviour)
+        self._lead: Lead | None = None
+        self._events: deque[Event] = deque()
+
+    def receive_lead(self, lead: Lead, now: float) -> None:
+        """Find out which car is ahead, and let the group follow it."""
+        self._lead = lead
+        utc_s = self._security.utc_s(now)
+        vehicle = TrackedVehicle.of(lead, lambda text: self._digest.car_id(text, utc_s))
+        self.identification.receive_lead(vehicle, now)
+        self.follow_lead(now)
+
+    def follow_lead(self, now: float) -> None:
+        """Hand the lead to the warning group, under its ID if it is identified."""
+        lead = self._lead
+        if lead is None:
+            return
+        preceding = None
+        if lead.gap_m is not None:
+            identity = self.identification.identity
+            ids = CarIds(None if identity is None else identity.car_id)
+            if identity is not None and identity.text is not None:
+                ids = self._epoch_ids.of(identity.text, self._security.utc_s(now))
+            preceding = PrecedingVehicle(
+                ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
+            )
+        is_unknown = lead.identity is LeadIdentity.UNKNOWN
+        self.group.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
+
+    def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
+        """Take the own IDs of a new epoch; `follow_lead` then tells the group the lead's."""
+        self.group.set_own_id(pseudonym.car_id, now)
+        self.identification.set_own_id(pseudonym.car_id, pseudonym.temporary_id, now)
+
+    def prepare_next_epoch(self, now: float) -> None:
+        """Tell the group the own ID of the next epoch when that is near."""
+        next_id = self._epoch_ids.own_next(self._security.utc_s(now))
+        if next_id is not None:
+            self.group.receive_next_own_id(next_id)
+
+    def receive_message(self, opened: Opened, heading_rad: float | None, now: float) -> None:
+        """Take an LCCA message from the air, to whichever vehicle it is addressed.
+
+        Args:
+            opened: the message; it is verified if there are keys.
+            heading_rad: of the host vehicle, clockwise from north; `None` if it is not known.
+            now: time of reception.
+        """
+        try:
+            message = lcca.decode(opened.payload)
+        except DecodeError as error:
+            self._discard(error.reason, error.detail, now)
+            return
+        signer = opened.signer_id
+        self._events.append(MessageReceived(now, message.kind, signer, lcca.as_dict(message)))
+        if signer is not None:
+            self._misbehaviour.receive_car_id(signer, message.sender_id)
+        match message:
+            case lcca.Inquiry() | lcca.Answer():
+                self._receive_identification(message, signer, now)
+            case _ if signer is not None and self._refuses(message, signer, heading_rad, now):
+                pass
+            case lcca.Warn():
+                made_at_s = self._security.made_at_s(opened, now)
+                self.pending_warnings.receive_warning(message, made_at_s, now)
+            case _:
+                self._receive_group_message(message, now)
+
+    def take_events(self, now: float) -> Iterator[Event]:
+        """Yield what has happened; the group gets a warning after the events of the one before."""
+        yield from self._taken()
+        while (warning := self.pending_warnings.next_warning()) is not None:
+            if self._claims is not None:
+                signer = self._misbehaviour.signer_of_car(warning.sender_id)
+                self._claims.receive_warn(warning, signer)
+            self.group.receive_message(warning, now)
+            yield from self._taken()
+
+    def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
+        """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
+        ahead_text, utc_s = self._ahead_text, self._security.utc_s(now)
+        return [
+            *(
+                self._epoch_ids.to_send(message, ahead_text, utc_s)
+                for message in self.group.messages_to_send(now)
+            ),
+            *self.identification.messages_to_send(),
+        ]
+
+    def _taken(self) -> Iterator[Event]:
+        while self._events:
+            yield self._events.popleft()
+        while (event := self.group.next_event()) is not None:
+            if self._claims is not None and isinstance(event, WarningRaised | WarningLevel):
+                self._claims.receive_warning(event)
+            yield event
+
+    def _receive_identification(
+        self, message: lcca.Inquiry | lcca.Answer, signer: bytes | None, now: float
+    ) -> None:
+        before = self.identification.identity
+        self.identification.receive_message(message, signer, now)
+        if self.identification.identity is not before:
+            self.follow_lead(now)
+
+    def _receive_group_message(self, message: lcca.GroupMessage, now: float) -> None:
+        if isinstance(message, lcca.Join) and not self._misbehaviour.is_id_unique(
+            message.sender_id
+        ):
+            message = message.without_acknowledgement()
+        clear = self._epoch_ids.received(message, self._ahead_text, self._security.utc_s(now))
+        self.group.receive_message(clear, now)
+
+    def _refuses(
+        self, message: lcca.GroupMessage, signer: bytes, heading_rad: float | None, now: float
+    ) -> bool:
+        """Whether a signed message is discarded for what is known of its sender."""
+        violation = sender_violation(
+            message,
+            signer,
+            self._misbehaviour,
+            predecessor_id=self.group.predecessor_id,
+            predecessor_signer=self.identification.sender,
+            heading_rad=heading_rad,
+        )
+        if violation is not None:
+            self._discard(violation, f"{message.kind} from {message.sender_id.hex()}", now)
+            return True
+        if self._is_ignored_warning(message, signer, now):
+            self._discard("ignored_signer", f"a warning from {message.sender_id.hex()}", now)
+            return True
+        return False
+
+    def _is_ignored_warning(self, message: lcca.GroupMessage, signer: bytes, now: float) -> bool:
+        """Whether a message claims a braking, and its signer is not credible."""
+        if self._claims is None or not isinstance(message, lcca.Warn):
+            return False
+        if message.cause in (lcca.WarnCause.OVER, lcca.WarnCause.TEST):
+            return False
+        return self._claims.is_ignored(message.event_origin_id.hex(), (signer,), now)
+
+    @property
+    def _ahead_text(self) -> str | None:
+        """Plate of the preceding vehicle, if it is identified by it."""
+        identity = self.identification.identity
+        return None if identity is None else identity.text
+
+    def _discard(self, reason: str, detail: str, now: float) -> None:
+        self._events.append(Discarded(now, "lcca", reason, detail))

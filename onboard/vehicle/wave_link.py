@@ -1,0 +1,105 @@
+"""Messages to WSM frames and back: 1609.2 data in WSMP, sent by user priority."""
+
+from collections import deque
+from collections.abc import Collection
+
+from typing_extensions import override
+
+from onboard.core import Core
+from onboard.errors import DecodeError
+from onboard.messages import bsm
+from onboard.observations import Discarded
+from onboard.security import ieee1609dot2
+from onboard.security.security_services import NotTrusted, Opened, SecurityServices
+from onboard.wave_udp import psid
+from onboard.wave_udp.radio_queue import RadioQueue
+from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
+
+ANSWER_PRIORITY = 1
+"""User priority of certificates for others: the lowest, background."""
+ANSWER_LIFETIME_S = 1.0
+"""Time such an answer may wait for the radio: who asks, asks again."""
+
+
+class WaveLink(Core):
+    """Secures, frames and queues messages, and opens received frames, without I/O."""
+
+    def __init__(self, security: SecurityServices, psids: Collection[int]) -> None:
+        """Receive the services `psids` only."""
+        self._security = security
+        self._psids = frozenset(psids)
+        self._queue = RadioQueue()
+        self._discarded: deque[Discarded] = deque()
+
+    def submit(
+        self, payload: bytes, psid: int, user_priority: int, lifetime_s: float, now: float
+    ) -> int:
+        """Secure and queue a message.
+
+        Args:
+            payload: the encoded message.
+            psid: its service.
+            user_priority: 0 to 7.
+            lifetime_s: time after which it is dropped if it could not be sent.
+            now: the present time.
+
+        Returns:
+            size of the whole WSM in bytes.
+        """
+        secured = self._security.secure(payload, psid, now)
+        wsm = encode(WaveShortMessage(psid=psid, payload=secured))
+        self._queue.put(wsm, user_priority, now + lifetime_s, now)
+        return len(wsm)
+
+    def receive_wsm(self, data: bytes, now: float) -> tuple[int, Opened] | None:
+        """Open a frame from the radio.
+
+        Returns:
+            its PSID and content, or `None` if it was discarded.
+        """
+        try:
+            wsm = decode(data)
+            if wsm.psid == psid.PEER_TO_PEER and self._security.verifies:
+                self._security.receive_ca_certs(wsm.payload, now)
+                return None
+            if wsm.psid in self._psids:
+                return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
+            self._discarded.append(Discarded(now, "wsmp", "unknown_psid", f"0x{wsm.psid:X}"))
+        except DecodeError as error:
+            self._discarded.append(Discarded(now, "wsmp", error.reason, error.detail))
+        except NotTrusted as refusal:
+            self._discarded.append(Discarded(now, "security", refusal.reason, refusal.detail))
+        return None
+
+    def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
+        """Return who claims to have signed `wsm`, unverified, if it was verified before.
+
+        Without keys nobody is, and all are known under one name.
+        """
+        if not self._security.verifies:
+            return b""
+        signer_id = ieee1609dot2.signer_in(wsm.payload)
+        return signer_id if signer_id and self._security.has_verified(signer_id) else None
+
+    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
+        for answer in self._security.distribution.answers_to_send(now):
+            wsm = encode(WaveShortMessage(psid.PEER_TO_PEER, answer))
+            self._queue.put(wsm, ANSWER_PRIORITY, now + ANSWER_LIFETIME_S, now)
+        return self._queue.wsms_to_send(now)
+
+    @override
+    def get_timer(self) -> float:
+        """Return when a queued frame or an answer may be sent; `math.inf` without one."""
+        return min(self._queue.get_timer(), self._security.distribution.get_timer())
+
+    @override
+    def next_event(self) -> Discarded | None:
+        """The oldest event not yet taken."""
+        return self._discarded.popleft() if self._discarded else self._queue.next_event()
+
+
+def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
+    """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
+    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
+    return None if payload is None else bsm.temporary_id_in(payload)

@@ -1,0 +1,1 @@
+"""The car's alarms in simulated meetings: lead time, misses and false alarms."""

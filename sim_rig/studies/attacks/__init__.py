@@ -1,0 +1,1 @@
+"""What insiders and eavesdroppers gain."""

@@ -1,0 +1,199 @@
+"""A signing host vehicle on an open road, insiders who alarm it, and vehicles that truly cross.
+
+The host drives north at constant speed. Its detector works and sees none of the others, so that
+every alarm rests on claims alone.
+"""
+
+import math
+from collections.abc import Callable, Container, Iterable
+
+import numpy as np
+
+from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import bsm
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData, PositionalAccuracy
+from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
+from onboard.misbehaviour.signer_credibility import SignerIgnored
+from onboard.mvs.footer_coding import encode_within
+from onboard.observations import DetectionList, Position, Speed, VehicleDetection
+from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.security.credentials import Credentials
+from onboard.security.security_services import SecurityServices
+from onboard.settings import parse_settings
+from onboard.step import Input, ReceivedWsm
+from onboard.trace.trace_line import Event
+from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
+
+ORIGIN = LocalFrame(48.1, 11.5)
+SPEED_M_S = 14.0
+STEP_S = 0.1
+FOOTER_BYTES = 400
+PLACE_SIGMA_M = 0.3
+"""That insiders claim."""
+
+Place = tuple[float, float]
+"""Metres east and north of where the host vehicle starts."""
+Sender = Callable[[float], Iterable[bytes]]
+"""Returns the WSMs that are sent at a time."""
+
+
+def placed(east_m: float, north_m: float) -> tuple[float, float]:
+    """Return latitude and longitude of a place."""
+    metres_per_degree = 111_200.0
+    latitude_deg = ORIGIN.latitude_deg + north_m / metres_per_degree
+    slant = math.cos(math.radians(latitude_deg))
+    return latitude_deg, ORIGIN.longitude_deg + east_m / (metres_per_degree * slant)
+
+
+def claimed_id(alarm: Alarm) -> str:
+    """Return the temporary ID of the vehicle that an alarm is about, also if others use it."""
+    return alarm.vehicle[:8]
+
+
+class Signer:
+    """A radio with a certificate, whose BSMs may be true or not."""
+
+    def __init__(self, keys: Credentials, utc_s: float, temporary_id: bytes = b"evil") -> None:
+        """Start at time 0, which is `utc_s`.
+
+        Args:
+            keys: the certificate, and those that it trusts.
+            utc_s: seconds since 1970.
+            temporary_id: of its BSMs.
+        """
+        self.temporary_id = temporary_id
+        self._utc_s = utc_s
+        self._security = SecurityServices(utc_s, keys)
+        self._sent = 0
+
+    def bsm_at(
+        self,
+        place_m: Place,
+        velocity_m_s: tuple[float, float],
+        now: float,
+        *,
+        temporary_id: bytes | None = None,
+        brakes: bool = False,
+        footer: bytes | None = None,
+    ) -> bytes:
+        """Return a signed BSM in a WSM.
+
+        Args:
+            place_m: that it claims.
+            velocity_m_s: east and north, that it claims.
+            now: the time.
+            temporary_id: another one than the own.
+            brakes: whether the hard braking flag is set.
+            footer: of MVS.
+        """
+        self._sent += 1
+        latitude_deg, longitude_deg = placed(*place_m)
+        core = CoreData(
+            self._sent % 128,
+            temporary_id or self.temporary_id,
+            (self._utc_s + now) % 60.0,
+            latitude_deg,
+            longitude_deg,
+            None,
+            PositionalAccuracy(0.5, 0.5),
+            speed_m_s=math.hypot(*velocity_m_s),
+            heading_rad=math.atan2(*velocity_m_s) % math.tau,
+        )
+        safety = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING) if brakes else None
+        payload = bsm.encode(BasicSafetyMessage(core, safety, footer=footer))
+        return self.signed(payload, psid.BSM, now)
+
+    def footer(self, number: int, place_m: Place, now: float) -> bytes:
+        """Return a footer with a vehicle without radio, as if measured now."""
+        stamp_ms = round((self._utc_s + now) * 1000)
+        identity = MeasurementId(self.temporary_id, stamp_ms)
+        anchor = LocalFrame(*placed(*place_m))
+        measured = Measurement(identity, np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2))
+        data, _ = encode_within([(number, measured)], stamp_ms, anchor, anchor, FOOTER_BYTES)
+        return data
+
+    def signed(self, payload: bytes, service: int, now: float) -> bytes:
+        """Return a payload signed, in a WSM."""
+        secured = self._security.secure(payload, service, now)
+        return wsmp.encode(WaveShortMessage(service, secured))
+
+
+class AttackedHost:
+    """The host vehicle and its alarms."""
+
+    def __init__(
+        self, keys: Credentials, utc_s: float, *, checks: bool = True, detector: bool = True
+    ) -> None:
+        """Start at time 0, which is `utc_s`.
+
+        Args:
+            keys: of the host vehicle.
+            utc_s: seconds since 1970.
+            checks: whether brakings and claims are checked.
+            detector: whether it has one.
+        """
+        tree: dict[str, object] = {
+            "car": {"plate": "AAA1"},
+            "gnss": {},
+            "security": {"plate_digest": {"scrypt_log2_n": 1}, "check_braking": checks},
+        }
+        if detector:
+            tree["detector"] = {}
+        config = parse_settings(tree, CarConfig, "the attacked host")
+        rng = np.random.default_rng(1)
+        sensors = config.sensors()
+        self.stack = Stack(config, sensors, rng, now=0.0, utc_s=utc_s, credentials=keys)
+        self.now = 0.0
+        self.north_m = 0.0
+        self.seen: tuple[VehicleDetection, ...] = ()
+        """By its detector."""
+        self.events: list[Event] = []
+        self._has_detector = detector
+
+    def drive(self, duration_s: float, *senders: Sender) -> None:
+        """Drive, and receive what `senders` send ten times a second."""
+        for _ in range(round(duration_s / STEP_S)):
+            self.now += STEP_S
+            self.north_m += STEP_S * SPEED_M_S
+            fix = Position(self.now, *placed(0.0, self.north_m), None, 0.5, SPEED_M_S, 0.0)
+            inputs: list[Input] = [fix, Speed(self.now, SPEED_M_S, 0.1, "dbc")]
+            if self._has_detector:
+                inputs.append(DetectionList(self.now, self.seen))
+            inputs += [ReceivedWsm(self.now, wsm) for send in senders for wsm in send(self.now)]
+            self.events += self.stack.step(inputs, self.now).events
+
+    def raised(self, since_s: float = 0.0) -> list[Alarm]:
+        """Return the alarms that began since a time, each once however its level changed."""
+        active: set[tuple[Cause, str]] = set()
+        began = []
+        for event in self.events:
+            if not isinstance(event, Alarm):
+                continue
+            key = event.cause, event.vehicle
+            if event.level is Level.NONE:
+                active.discard(key)
+            elif key not in active:
+                active.add(key)
+                began += [event] if event.stamp_s >= since_s else []
+        return began
+
+    def alarmed_s(self, true: Container[str] = ()) -> float:
+        """Return for how long at least one alarm was on, beside those of `true` vehicles."""
+        active: set[tuple[Cause, str]] = set()
+        total_s = before_s = 0.0
+        for event in self.events:
+            if not isinstance(event, Alarm) or claimed_id(event) in true:
+                continue
+            total_s += event.stamp_s - before_s if active else 0.0
+            before_s, key = event.stamp_s, (event.cause, event.vehicle)
+            active = active - {key} if event.level is Level.NONE else active | {key}
+        return total_s + (self.now - before_s if active else 0.0)
+
+    def ignored(self) -> list[SignerIgnored]:
+        """Return the reports of signers that are ignored."""
+        return [event for event in self.events if isinstance(event, SignerIgnored)]

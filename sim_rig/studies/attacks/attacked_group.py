@@ -1,0 +1,200 @@
+"""A warning group of three signing vehicles whose leader truly brakes, for insiders to disturb.
+
+They follow one another on an open road, and receive each other and the insiders without loss.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from onboard.lcca.events import WarningOver, WarningRaised
+from onboard.messages import lcca
+from onboard.messages.lcca import CarId, Update, Warn
+from onboard.misbehaviour.signer_credibility import SignerIgnored
+from onboard.observations import (
+    HardBrake,
+    Lead,
+    LeadIdentity,
+    PlateCandidate,
+    Position,
+    Sensor,
+    Speed,
+)
+from onboard.security import ieee1609dot2
+from onboard.security.credentials import Credentials
+from onboard.settings import parse_settings
+from onboard.step import Input, ReceivedWsm
+from onboard.trace.trace_line import Event
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
+from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
+
+LEADER, *FOLLOWERS = PLATES = ("AAA1", "BBB2", "CCC3")
+SENSORS = (Sensor.SPEED, Sensor.POSITION, Sensor.CAMERA)
+GAP_M = 15.0
+BRAKE_M_S2 = 6.0
+BRAKING_S = 1.0
+DETECTED_S = 0.3
+"""From the start of a braking, and from its end, until the leader detects it."""
+
+
+@dataclass(slots=True)
+class Warned:
+    """A warning of one follower."""
+
+    plate: str
+    origin_id: CarId
+    sequence: int
+    began_at: float
+    ended_at: float = math.inf
+
+
+class AttackedGroup:
+    """The vehicles of `PLATES`, the first one in front."""
+
+    def __init__(
+        self,
+        keys: Mapping[str, Credentials],
+        utc_s: float,
+        rngs: Sequence[np.random.Generator],
+        *,
+        checks: bool = True,
+    ) -> None:
+        """Start at time 0, which is `utc_s`.
+
+        Args:
+            keys: credentials by plate.
+            utc_s: seconds since 1970.
+            rngs: one for each vehicle.
+            checks: whether brakings and claims are checked.
+        """
+        self.now = 0.0
+        self.leader_ids: list[CarId] = []
+        """Communication IDs of the leader, the present one last."""
+        self.newest = 0
+        """Event sequence number that the leader has sent last."""
+        self.events: list[tuple[str, Event]] = []
+        """Of the followers, with their plates."""
+        self._way_m = 0.0
+        self._inputs: dict[str, list[Input]] = {plate: [] for plate in PLATES}
+        self._stacks = {}
+        for plate, rng in zip(PLATES, rngs, strict=True):
+            tree = {
+                "car": {"plate": plate},
+                "gnss": {},
+                "security": {"plate_digest": {"scrypt_log2_n": 1}, "check_braking": checks},
+            }
+            config = parse_settings(tree, CarConfig, plate)
+            self._stacks[plate] = Stack(
+                config, SENSORS, rng, now=0.0, utc_s=utc_s, credentials=keys[plate]
+            )
+
+    def drive(
+        self, duration_s: float, senders: Iterable[Sender] = (), braking_at: float = math.inf
+    ) -> None:
+        """Drive, and receive what `senders` send ten times a second.
+
+        Args:
+            duration_s: for so long.
+            senders: the insiders.
+            braking_at: when all begin to brake, which only the leader warns of. They go on as
+                slowly for a second, and then regain their speed.
+        """
+        senders = list(senders)
+        for _ in range(round(duration_s / STEP_S)):
+            since_s = self.now - braking_at
+            lost_m_s = BRAKE_M_S2 * min(max(since_s, 0.0), BRAKING_S)
+            regained_m_s = 2.0 * max(since_s - 2.0 * BRAKING_S, 0.0)
+            self._observe(SPEED_M_S - max(lost_m_s - regained_m_s, 0.0))
+            for after_s, level_m_s2 in ((DETECTED_S, BRAKE_M_S2), (DETECTED_S + BRAKING_S, 0.0)):
+                if abs(since_s - after_s) < STEP_S / 2.0:
+                    brake = HardBrake(self.now, level_m_s2, "obd", is_over=level_m_s2 == 0.0)
+                    self._inputs[LEADER].append(brake)
+            for wsm in (wsm for send in senders for wsm in send(self.now)):
+                self._broadcast(wsm)
+            self._run(self.now + STEP_S)
+
+    def warned(self) -> list[Warned]:
+        """Return the warnings of the followers."""
+        warned: list[Warned] = []
+        for plate, event in self.events:
+            match event:
+                case WarningRaised():
+                    key = event.origin_id, event.sequence
+                    warned.append(Warned(plate, *key, event.stamp_s))
+                case WarningOver():
+                    for each in warned:
+                        key = event.origin_id, event.sequence
+                        is_same = each.plate == plate and (each.origin_id, each.sequence) == key
+                        if is_same and each.ended_at == math.inf:
+                            each.ended_at = event.stamp_s
+        return warned
+
+    def ignored(self) -> set[bytes]:
+        """Return the signers that a follower ignores."""
+        return {each.signer_id for _, each in self.events if isinstance(each, SignerIgnored)}
+
+    def _observe(self, speed_m_s: float) -> None:
+        """Give every vehicle its speed, place and lead vehicle."""
+        self._way_m += STEP_S * speed_m_s
+        for number, plate in enumerate(PLATES):
+            place = placed(0.0, self._way_m - GAP_M * number)
+            fix = Position(self.now, *place, None, 0.5, speed_m_s, 0.0)
+            self._inputs[plate] += [fix, Speed(self.now, speed_m_s, 0.1, "dbc"), self._lead(number)]
+
+    def _lead(self, number: int) -> Lead:
+        if number == 0:
+            return Lead(self.now, LeadIdentity.NO_LEAD)
+        text = PLATES[number - 1]
+        return Lead(
+            self.now,
+            LeadIdentity.KNOWN,
+            text,
+            GAP_M,
+            0.3,
+            0.0,
+            0.3,
+            track_id=number,
+            candidates=(PlateCandidate(text, 0.98),),
+        )
+
+    def _run(self, until: float) -> None:
+        self._settle()
+        while (at := min(stack.get_timer() for stack in self._stacks.values())) < until:
+            self.now = max(at, self.now + 1e-4)
+            self._settle()
+        self.now = until
+
+    def _settle(self) -> None:
+        """Step the vehicles until no frame is on its way."""
+        while True:
+            all_inputs, self._inputs = self._inputs, {plate: [] for plate in PLATES}
+            for plate, stack in self._stacks.items():
+                outputs = stack.step(all_inputs[plate], self.now)
+                for wsm in outputs.wsms:
+                    self._broadcast(wsm.data, plate)
+                if plate == LEADER:
+                    self._overhear(wsm.data for wsm in outputs.wsms)
+                else:
+                    self.events += [(plate, event) for event in outputs.events]
+            if not any(self._inputs.values()):
+                return
+
+    def _broadcast(self, wsm: bytes, sender: str | None = None) -> None:
+        for plate in PLATES:
+            if plate != sender:
+                self._inputs[plate].append(ReceivedWsm(self.now, wsm))
+
+    def _overhear(self, wsms: Iterable[bytes]) -> None:
+        """Take the leader's ID and event sequence number, as anybody in radio range can."""
+        for frame in map(wsmp.decode, wsms):
+            if frame.psid != psid.LCCA:
+                continue
+            message = lcca.decode(ieee1609dot2.decode(frame.payload).payload)
+            if message.sender_id not in self.leader_ids[-1:]:
+                self.leader_ids.append(message.sender_id)
+            if isinstance(message, Update | Warn):
+                self.newest = message.event_sequence

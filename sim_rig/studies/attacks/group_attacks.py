@@ -1,0 +1,145 @@
+"""Insiders who disturb a warning group: what they forge, and how many true brakings are missed.
+
+The forged messages are signed, name the group's leader, and use its next event sequence numbers.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from onboard.messages import lcca
+from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
+from onboard.security.p256 import key_from
+from onboard.tools.test_ca.authority import make_trial
+from onboard.wave_udp import psid
+from sim_rig.studies.attacks.attack_world import STEP_S, Signer
+from sim_rig.studies.attacks.attacked_group import BRAKING_S, FOLLOWERS, PLATES, AttackedGroup
+from sim_rig.studies.campaigns.campaign import Row
+
+NUMBERS = 2
+"""Event sequence numbers ahead of the leader's that are forged at once."""
+JOINED_S = 3.0
+"""In which the group forms, before the attack."""
+QUIET_S = 35.0
+"""Of the attack, before the first braking: a slowing ahead would confirm what insiders invent."""
+BRAKES_EVERY_S = 10.0
+"""In the meantime, the vehicles regain the speed that they lost."""
+LATEST_S = 1.0
+"""After the start of a braking; a warning that was not on until then is missed."""
+
+GroupForgery = Callable[[CarId, CarId, int, int], Iterator[LccaMessage]]
+"""Messages that are forged at once: by the insider's and the leader's ID, the leader's newest event
+sequence number, and how often was forged before."""
+
+
+def run_group(
+    forgery: GroupForgery,
+    seed: tuple[int, ...],
+    utc_s: float,
+    seconds: float,
+    insiders: int,
+    *,
+    checks: bool,
+) -> Row:
+    """Let the leader brake every `BRAKES_EVERY_S` under attack.
+
+    Args:
+        forgery: what the insiders send.
+        seed: of keys, times of the brakings and draws of the vehicles.
+        utc_s: at the start, seconds since 1970.
+        seconds: duration of the attack, of which `QUIET_S` are without a braking.
+        insiders: their number.
+        checks: whether the vehicles check brakings and claims.
+
+    Returns:
+        What is counted in the run.
+    """
+    rng, *rngs = np.random.default_rng(seed).spawn(1 + len(PLATES))
+    names = [f"insider{number}" for number in range(insiders)]
+    services = {psid.BSM, psid.LCCA}
+    keys = make_trial([*PLATES, *names], services, utc_s, key_from(rng), pseudonyms=1)
+    group = AttackedGroup(keys, utc_s, rngs, checks=checks)
+    group.drive(JOINED_S)
+    signers = [Signer(keys[name], utc_s, name[-4:].encode()) for name in names]
+    senders = [partial(_forged, group, signer, forgery) for signer in signers]
+    group.drive(QUIET_S, senders)
+    brakings_at = []
+    for _ in range(int((seconds - QUIET_S) // BRAKES_EVERY_S)):
+        brakings_at.append(group.now + round(rng.uniform(0.0, BRAKES_EVERY_S / 2.0), 1))
+        group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
+    found = [_count(group, plate, brakings_at) for plate in FOLLOWERS]
+    false_alarms, false_alarm_s, missed = zip(*found, strict=True)
+    return {
+        "false_alarms": max(false_alarms),
+        "false_alarm_s": max(false_alarm_s),
+        "ignored": len(group.ignored()),
+        "true_alarms": len(brakings_at) * len(FOLLOWERS),
+        "true_missed": sum(missed),
+    }
+
+
+def _count(
+    group: AttackedGroup, plate: str, brakings_at: Sequence[float]
+) -> tuple[int, float, int]:
+    """Return false warnings of a follower, for how long, and the brakings it was not warned of."""
+    warned = [each for each in group.warned() if each.plate == plate]
+    leaders = [each for each in warned if each.origin_id in group.leader_ids]
+    missed = sum(
+        not any(each.began_at <= at + LATEST_S and each.ended_at > at for each in leaders)
+        for at in brakings_at
+    )
+    true = [
+        each
+        for each in leaders
+        if any(at <= each.began_at <= at + BRAKING_S + LATEST_S for at in brakings_at)
+    ]
+    false_s = [min(each.ended_at, group.now) - each.began_at for each in warned if each not in true]
+    return len(false_s), round(sum(false_s), 1), missed
+
+
+def _forged(
+    group: AttackedGroup, signer: Signer, forgery: GroupForgery, now: float
+) -> Iterator[bytes]:
+    """Yield what one insider sends at a time."""
+    own = signer.temporary_id.rjust(8, b"-")
+    for message in forgery(own, group.leader_ids[-1], group.newest, round(now / STEP_S)):
+        yield signer.signed(lcca.encode(message), psid.LCCA, now)
+
+
+def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> Warn:
+    """A braking of the leader, as a member of its group would repeat it."""
+    sequence %= 1 << 16
+    warn = Warn(
+        own, leader, 1, leader, sequence, 5, 1, sequence, WarnCause.DECELERATION, 8.0, 0.01, 1
+    )
+    return replace(warn, **changes)  # type: ignore[arg-type]
+
+
+def group_updates(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:
+    """Updates under the leader's next event sequence numbers."""
+    for sequence in range(newest + 1, newest + 1 + NUMBERS):
+        yield Update(own, leader, 1, leader, sequence % (1 << 16), 5, leader, 0, 1)
+
+
+def group_ends(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:
+    """Ends of the leader's present and next brakings."""
+    for sequence in range(newest, newest + NUMBERS):
+        for first in (newest, newest + 1):
+            first_sequence = first % (1 << 16)
+            yield _braking(
+                own, leader, sequence, first_sequence=first_sequence, cause=WarnCause.OVER
+            )
+
+
+def group_levels(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:
+    """The leader's next braking, before it brakes."""
+    for sequence in range(newest + 1, newest + 1 + NUMBERS):
+        yield _braking(own, leader, sequence, first_sequence=(newest + 1) % (1 << 16))
+
+
+def group_brakings(own: CarId, leader: CarId, _newest: int, sent: int) -> Iterator[LccaMessage]:
+    """One invented vehicle ahead after the other, each for 4 s."""
+    origin = own[:4] + (sent // 40).to_bytes(4)
+    yield _braking(own, leader, 9, event_origin_id=origin)

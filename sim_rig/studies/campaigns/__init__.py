@@ -1,0 +1,1 @@
+"""What all studies share: their runs, settings, intervals and results."""

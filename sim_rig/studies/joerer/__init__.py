@@ -1,0 +1,1 @@
+"""Joerer et al.: collision probability at intersections."""

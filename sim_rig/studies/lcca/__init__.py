@@ -1,0 +1,1 @@
+"""Platoons: the LCCA paper's chain collisions, membership, and identities."""

@@ -1,0 +1,331 @@
+"""How often another vehicle than the one ahead is taken for it.
+
+A host vehicle has a new vehicle ahead every few seconds, among many in range. Its camera reads the
+plate by the model of photographs (`sim_rig/cars/plate_readings.py`), and `Identification` is the
+core that ships. Some vehicles drive in the host's stream and so almost at its speed; a fleet has
+consecutive plates. An insider may have read the plate ahead and answer for it, with a vehicle of
+his own elsewhere.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from onboard.lcca.events import CandidateCar, TrackedVehicle
+from onboard.lcca.identification import Identification
+from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
+from onboard.settings import Settings
+from onboard.vision.plate_posterior import PlatePosterior
+from sim_rig.cars.camera_view import FPS
+from sim_rig.cars.plate_readings import PlateReadings
+from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
+from sim_rig.scenario.setting_types import Several, Share, Span
+from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
+from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.lcca.platoon_sight import car_id_of
+
+PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
+CHANGES_A_RUN = 10
+DERIVED_AN_IMAGE = 2
+"""Texts whose IDs are derived between two images, at 34 ms each; the cores know no others."""
+BSM_EVERY = 3
+"""Images between two BSMs: 5 Hz at 15 images a second."""
+SPEED_STEP_M_S = 1 / 3.6
+"""Resolution of OBD speeds."""
+WRONG_S = 1.0
+"""Time for which another vehicle may be taken for the one ahead."""
+
+
+class Insider(StrEnum):
+    """What an insider does who knows every plate."""
+
+    NONE = "none"
+    OWN_SPEED = "own_speed"
+    """He answers for the plate ahead, and sends his own speed."""
+    COPIED_SPEED = "copied_speed"
+    """He also sends the speed of the vehicle ahead, 0.3 s late."""
+
+
+class FalseIdentitySettings(Settings):
+    """One campaign; a run is one drive with `CHANGES_A_RUN` vehicles ahead."""
+
+    seed: int = Field(1, ge=0)
+    runs: int = Field(500, ge=1)
+    vehicles: int = Field(200, ge=2, le=500)
+    fleet: int = Field(50, ge=0, le=500)
+    """Vehicles with consecutive plates."""
+    stream: Share = 0.3
+    """Share of the vehicles that drive in the host's stream."""
+    radios: Several[Share] = (1.0, 0.5)
+    """Shares of the vehicles with a radio."""
+    insiders: Several[Insider] = (Insider.NONE,)
+    loss: Share = 0.1
+    """Share of the answers that are lost."""
+    plate_px: Span[float] = (28.0, 60.0)
+    seconds: float = Field(6.0, ge=2.0, le=60.0)
+    """Time with one vehicle ahead."""
+    region: Literal["us", "eu", "br"] = "eu"
+
+
+Case = tuple[float, Insider]
+
+
+def cases(settings: FalseIdentitySettings) -> list[Case]:
+    """All cases of one seed, in the order of runs."""
+    return [(radios, insider) for radios in settings.radios for insider in settings.insiders]
+
+
+def run_one(settings: FalseIdentitySettings, number: int) -> Row:
+    """Simulate one drive."""
+    radios, insider = cases(settings)[number % len(cases(settings))]
+    seed = settings.seed + number // len(cases(settings))
+    drive = _Drive(settings, radios, insider, np.random.default_rng([seed, 23]))
+    changes = [drive.follow() for _ in range(CHANGES_A_RUN)]
+    return {
+        "radios": radios,
+        "insider": insider.value,
+        "with_radio": sum(each.has_radio for each in changes),
+        "identified_s": [each.identified_s for each in changes if each.identified_s is not None],
+        "wrong": sum(each.wrong_s > 0.0 for each in changes),
+        "wrong_long": sum(each.wrong_s > WRONG_S for each in changes),
+        "wrong_s": max(each.wrong_s for each in changes),
+    }
+
+
+class _Change(NamedTuple):
+    """One vehicle ahead."""
+
+    has_radio: bool
+    identified_s: float | None
+    """Until it was identified; `None` if it never was."""
+    wrong_s: float
+    """Longest time for which another vehicle was taken for it."""
+
+
+class _Traffic:
+    """Speeds of all vehicles: those of the stream follow one speed, the others their own."""
+
+    def __init__(self, settings: FalseIdentitySettings, rng: np.random.Generator) -> None:
+        self._rng = rng
+        count = settings.vehicles
+        self._in_stream = rng.random(count) < settings.stream
+        self._means_m_s = np.where(self._in_stream, 0.0, rng.normal(20.0, 5.0, count))
+        self._own_m_s = rng.normal(0.0, 0.7, count)
+        self._stream_m_s = 0.0
+        self._scales = rng.normal(1.006, 0.006, count)
+        self.speeds_m_s = np.zeros(count)
+        self.shown_m_s = np.zeros(count)
+        """As the speedometers show them."""
+        self.advance(0.0)
+
+    def advance(self, seconds: float) -> None:
+        """Let all speeds wander (Ornstein-Uhlenbeck, 8 and 10 s)."""
+        keep, slow = math.exp(-seconds / 8.0), math.exp(-seconds / 10.0)
+        noise = self._rng.standard_normal(len(self._own_m_s))
+        self._own_m_s = keep * self._own_m_s + 0.7 * math.sqrt(1 - keep**2) * noise
+        fresh = 2.0 * math.sqrt(1 - slow**2) * float(self._rng.standard_normal())
+        self._stream_m_s = slow * self._stream_m_s + fresh
+        stream_m_s = np.where(self._in_stream, 20.0 + self._stream_m_s, 0.0)
+        self.speeds_m_s = np.maximum(0.0, self._means_m_s + stream_m_s + self._own_m_s)
+        self.shown_m_s = np.round(self._scales * self.speeds_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
+
+    def stream(self) -> list[int]:
+        """Numbers of the vehicles in the host's stream."""
+        return [int(car) for car in np.flatnonzero(self._in_stream)]
+
+
+class _Drive:
+    """A host vehicle among others; time goes on from one vehicle ahead to the next."""
+
+    def __init__(
+        self,
+        settings: FalseIdentitySettings,
+        radios: float,
+        insider: Insider,
+        rng: np.random.Generator,
+    ) -> None:
+        self._settings, self._insider, self._rng = settings, insider, rng
+        self._plates = list(_plates(settings, rng))
+        self._has_radio = rng.random(settings.vehicles) < radios
+        self._ids = [car_id_of(plate) for plate in self._plates]
+        self._by_name = {
+            car_id[:NAME_BYTES]: car for car, car_id in enumerate(self._ids) if self._has_radio[car]
+        }
+        self._by_name |= {_sender(car): car for car in np.flatnonzero(self._has_radio).tolist()}
+        self._traffic = _Traffic(settings, rng)
+        self._core = Identification(b"hostcar0", b"host", rng)
+        self._frame = 0
+        self._track_id = 0
+        self._earlier_m_s = 20.0
+        self._host_m_s = 20.0
+
+    def follow(self) -> _Change:
+        """Follow a new vehicle of the stream."""
+        rng, settings = self._rng, self._settings
+        ahead = int(rng.choice(self._traffic.stream()))
+        self._track_id += 1
+        readings, posterior = PlateReadings(rng), PlatePosterior()
+        derived: set[str] = set()
+        width_px, gap_m = float(rng.uniform(*settings.plate_px)), float(rng.uniform(10.0, 35.0))
+        identified_s, wrong_from_s, wrong_s, error_m_s = None, None, 0.0, 0.0
+        for image in range(round(settings.seconds * FPS)):
+            now = self._frame / FPS
+            self._frame += 1
+            self._traffic.advance(1 / FPS)
+            ahead_m_s = float(self._traffic.speeds_m_s[ahead])
+            self._host_m_s += (ahead_m_s - self._host_m_s) / FPS
+            error_m_s = 0.87 * error_m_s + 0.49 * float(rng.normal(0.0, 0.3))
+            self._send_bsms(ahead, now)
+            readings.advance()
+            posterior.update(readings.read(self._plates[ahead], width_px), now)
+            own_m_s = round(self._host_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
+            self._core.receive_speed(own_m_s, now)
+            likeliest = posterior.candidates()
+            missing = [each.text for each in likeliest if each.text not in derived]
+            derived.update(missing[:DERIVED_AN_IMAGE])
+            candidates = tuple(
+                CandidateCar(each.text, car_id_of(each.text), each.probability)
+                for each in likeliest
+                if each.text in derived
+            )
+            closing_m_s = self._host_m_s - ahead_m_s + error_m_s
+            lead = TrackedVehicle(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
+            self._core.receive_lead(lead, now)
+            self._deliver(ahead, now)
+            identity = self._core.identity
+            is_right = identity is not None and identity.car_id == self._ids[ahead]
+            if is_right and self._insider is not Insider.NONE:
+                is_right = not self._is_insider_identified()
+            if identity is None or is_right:
+                wrong_from_s = None
+            elif wrong_from_s is None:
+                wrong_from_s = now
+            if is_right and identified_s is None:
+                identified_s = image / FPS
+            if wrong_from_s is not None:
+                wrong_s = max(wrong_s, now - wrong_from_s + 1 / FPS)
+        return _Change(bool(self._has_radio[ahead]), identified_s, wrong_s)
+
+    def _send_bsms(self, ahead: int, now: float) -> None:
+        if self._frame % BSM_EVERY:
+            return
+        for car in np.flatnonzero(self._has_radio).tolist():
+            shown_m_s = float(self._traffic.shown_m_s[car])
+            self._core.receive_speed_on_air(_sender(car), _sender(car), shown_m_s, now)
+        if self._insider is not Insider.NONE:
+            speed_m_s = self._insider_m_s()
+            self._core.receive_speed_on_air(_INSIDER, _INSIDER, speed_m_s, now)
+        self._earlier_m_s = float(self._traffic.shown_m_s[ahead])
+
+    def _deliver(self, ahead: int, now: float) -> None:
+        """Let those who bear a name in the inquiries answer."""
+        for message in self._core.messages_to_send():
+            if not isinstance(message, Inquiry):
+                continue
+            answering = {self._by_name[name] for name in message.names if name in self._by_name}
+            for car in sorted(answering):
+                if self._rng.random() >= self._settings.loss:
+                    speed_m_s = float(self._traffic.shown_m_s[car])
+                    self._answer(message, self._ids[car], _sender(car), speed_m_s, now)
+            if self._insider is not Insider.NONE and self._ids[ahead][:NAME_BYTES] in message.names:
+                self._answer(message, self._ids[ahead], _INSIDER, self._insider_m_s(), now)
+        while self._core.next_event() is not None:
+            pass
+
+    def _answer(
+        self, inquiry: Inquiry, car_id: bytes, sender: bytes, speed_m_s: float, now: float
+    ) -> None:
+        answer = Answer(car_id, inquiry.sender_id, inquiry.sequence, sender, speed_m_s)
+        self._core.receive_message(answer, None, now + 0.005)
+
+    def _insider_m_s(self) -> float:
+        if self._insider is Insider.COPIED_SPEED:
+            return self._earlier_m_s
+        return float(self._traffic.shown_m_s[0])
+
+    def _is_insider_identified(self) -> bool:
+        return self._core.sender == _INSIDER
+
+
+_INSIDER = b"evil"
+
+
+def _plates(settings: FalseIdentitySettings, rng: np.random.Generator) -> Iterator[str]:
+    """Plates of all vehicles, those of the fleet with consecutive numbers at their end."""
+    first = int(rng.integers(100, 899))
+    letters = "".join(rng.choice(list("ABCDEFGHJKLMNPRSTUVWXYZ"), 3))
+    for number in range(settings.vehicles):
+        if number < settings.fleet:
+            yield f"{letters}{first * 10 + number:04d}"
+        else:
+            yield text_of(str(rng.choice(PATTERNS[settings.region])), rng).replace(" ", "")
+
+
+def _sender(car: int) -> bytes:
+    return b"v" + car.to_bytes(3)
+
+
+class _Line(NamedTuple):
+    """One line of the table."""
+
+    radios: float
+    insider: str
+    changes: int
+    with_radio: int
+    identified: float
+    """Share of the vehicles with a radio that were identified."""
+    median_s: float
+    p90_s: float
+    wrong: int
+    wrong_longer_than_1_s: int
+    longest_wrong_s: float
+
+
+def run(
+    out_dir: Path, settings: FalseIdentitySettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write how often, and for how long, another vehicle was taken for the one ahead.
+
+    Args:
+        out_dir: folder of table, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        The worst case, as a sentence.
+    """
+    settings = settings or FalseIdentitySettings()
+    numbers = range(len(cases(settings)) * settings.runs)
+    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
+    table = [_line(case, rows) for case in cases(settings)]
+    write_results(out_dir, _Line._fields, table, settings)
+    worst = max(table, key=lambda line: line.wrong_longer_than_1_s / line.changes)
+    return (
+        f"{worst.wrong_longer_than_1_s} of {worst.changes} vehicles ahead were taken for another"
+        f" one for longer than {WRONG_S:g} s, with radios in {worst.radios:.0%} of the vehicles"
+        f" and insider: {worst.insider}"
+    )
+
+
+def _line(case: Case, rows: Sequence[Row]) -> _Line:
+    radios, insider = case
+    mine = [row for row in rows if (row["radios"], row["insider"]) == (radios, insider.value)]
+    times_s = [time_s for row in mine for time_s in row["identified_s"]]
+    with_radio = sum(row["with_radio"] for row in mine)
+    return _Line(
+        radios=radios,
+        insider=insider.value,
+        changes=CHANGES_A_RUN * len(mine),
+        with_radio=with_radio,
+        identified=len(times_s) / with_radio if with_radio else math.nan,
+        median_s=float(np.median(times_s)) if times_s else math.nan,
+        p90_s=float(np.percentile(times_s, 90)) if times_s else math.nan,
+        wrong=sum(row["wrong"] for row in mine),
+        wrong_longer_than_1_s=sum(row["wrong_long"] for row in mine),
+        longest_wrong_s=max(row["wrong_s"] for row in mine),
+    )

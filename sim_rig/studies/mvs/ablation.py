@@ -1,0 +1,289 @@
+"""From the MVS paper's reading of Fig. 9 to the car as shipped, one step at a time.
+
+Steps differ in the sensors, in who brakes (the warned driver only, or the car too by the request of
+its alarms), in the alarm (the paper's or the car's), and in the vehicles that count (the two of the
+crash, as in the paper, or any). All steps see the same events with the same drivers. Before them
+stands what warnings can avoid at best.
+"""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from matplotlib.figure import Figure
+from pydantic import AfterValidator, Field
+
+from onboard.brake_request.settings import BrakeRequestSettings
+from onboard.settings import Settings
+from sim_rig.roads.events import TrafficEventKind
+from sim_rig.scenario.setting_types import Several, Share
+from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
+from sim_rig.studies.campaigns.intervals import cluster_interval
+from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.mvs.collisions import (
+    CollisionSettings,
+    angle_deg,
+    cases,
+    median,
+    run_one,
+    with_available_scenes,
+)
+from sim_rig.studies.mvs.encounter import EncounterSettings, Method
+from sim_rig.studies.mvs.outcomes import CrashOutcome
+from sim_rig.studies.mvs.profiles import WORLD_PROFILES
+from sim_rig.studies.mvs.scenes import SceneName
+from sim_rig.studies.mvs.world import WorldSettings
+
+_CROSSING_DEG = 30.0
+"""Crashes at smaller angles are rear-end crashes."""
+
+
+class Driver(StrEnum):
+    """Who acts on an alarm."""
+
+    ONSET = "onset"
+    """The driver, if warned `onset_delay_s` after the event begins: the most that warnings can
+    avoid. No sensor, message or alarm is simulated for it."""
+    WARNED = "warned"
+    """The driver, after the reaction time."""
+    BRAKES = "brakes"
+    """The car too, as its core requests (docs/design/brake_request.md)."""
+
+
+_NO_PROFILE = "none"
+"""Sensors of `Driver.ONSET`."""
+
+
+def _is_profile(name: str) -> str:
+    if name not in WORLD_PROFILES:
+        raise ValueError(
+            f"no such profile of sensors (given {name!r}): {', '.join(WORLD_PROFILES)}"
+        )
+    return name
+
+
+class AblationSettings(Settings):
+    """One campaign."""
+
+    seed: int = Field(0, ge=0)
+    """Number of the first event."""
+    runs: int = Field(100, ge=1)
+    """Events of each kind."""
+    kinds: Several[TrafficEventKind] = tuple(TrafficEventKind)
+    share: Share = 0.4
+    """Share of cars with a radio."""
+    profiles: Several[Annotated[str, AfterValidator(_is_profile)]] = (
+        "paper",
+        "all-round-120",
+        "all-round-60",
+        "lidar-120",
+        "radar-150",
+        "camera-60",
+        "plate-camera",
+    )
+    """Sensors; the paper's alarm is evaluated with the first, for warned drivers."""
+    drivers: Several[Driver] = tuple(Driver)
+    unaffected_every: int = Field(10, ge=1, le=100)
+    """As of `mvs-figure9`."""
+    encounter: EncounterSettings = EncounterSettings(scenes=(SceneName.CITY,))
+    """What all steps have in common; its sensors and its `brake_request` are not used."""
+
+
+class _Line(NamedTuple):
+    """One line of the table: a step, and the crashes of one kind."""
+
+    crashes: str
+    profile: str
+    driver: str
+    alarm: str
+    counted: str
+    events: int
+    pairs: int
+    angle_p10_deg: float
+    angle_p50_deg: float
+    angle_p90_deg: float
+    p_without_radios: float
+    avoidable: float
+    reduction: float
+    reduction_low_95: float
+    reduction_high_95: float
+    warned_before_s: float
+
+
+def run(
+    out_dir: Path, settings: AblationSettings | None = None, workers: Workers | None = None
+) -> str:
+    """Write the reduction of crashes by MVS for every step, with its interval between pairs.
+
+    Args:
+        out_dir: folder of table, figure, settings and runs.
+        settings: of the campaign; the default ones if None.
+        workers: processes or cluster; this process if None.
+
+    Returns:
+        The reductions of the first and of the last step, as a sentence.
+    """
+    settings = settings or AblationSettings()
+    encounter = with_available_scenes(settings.encounter)
+    settings = settings.model_copy(update={"encounter": encounter})
+    numbers = range(settings.runs * _runs_of_event(settings))
+    rows = run_campaign(one_run, settings, numbers, out_dir / "runs", workers or Workers())
+    table = ablation_table(settings, rows)
+    write_results(out_dir, _Line._fields, table, settings, _draw(table))
+    lines = [line for line in table if line.crashes == "all"]
+    first, last = lines[0], lines[-1]
+    return (
+        f"from {first.reduction:.1%} ({first.profile}, {first.alarm} alarm) to"
+        f" {last.reduction:.1%} ({last.profile}, {last.alarm} alarm) of {first.pairs} pairs"
+    )
+
+
+def one_run(settings: AblationSettings, number: int) -> Row:
+    """One run of the campaign; all runs of an event have consecutive numbers."""
+    steps = _steps(settings)
+    event, rest = divmod(number, _runs_of_event(settings))
+    of_step, case = divmod(rest, _runs_of_step(settings))
+    profile, driver = steps[of_step]
+    collision = _collision(settings, profile, driver)
+    row = run_one(collision, event * _runs_of_step(settings) + case)
+    return row | {"profile": profile, "driver": driver.value}
+
+
+def _steps(settings: AblationSettings) -> list[tuple[str, Driver]]:
+    """Profiles and drivers that are run; alarms and counting are columns of the same runs."""
+    return [
+        (profile, driver)
+        for driver in settings.drivers
+        for profile in (settings.profiles if driver is not Driver.ONSET else (_NO_PROFILE,))
+    ]
+
+
+def _collision(settings: AblationSettings, profile: str, driver: Driver) -> CollisionSettings:
+    request = BrakeRequestSettings() if driver is Driver.BRAKES else None
+    world = WORLD_PROFILES.get(profile, WorldSettings())
+    common = {"world": world, "brake_request": request}
+    return CollisionSettings(
+        seed=settings.seed,
+        kinds=settings.kinds,
+        shares=(settings.share,),
+        methods=(Method.ONSET if driver is Driver.ONSET else Method.MVS,),
+        compared_at=None,
+        unaffected_every=settings.unaffected_every,
+        encounter=settings.encounter.model_copy(update=common),
+    )
+
+
+def _runs_of_step(settings: AblationSettings) -> int:
+    return len(cases(_collision(settings, settings.profiles[0], settings.drivers[0])))
+
+
+def _runs_of_event(settings: AblationSettings) -> int:
+    return len(_steps(settings)) * _runs_of_step(settings)
+
+
+_Event = tuple[str, int]
+
+
+def ablation_table(settings: AblationSettings, rows: Sequence[Row]) -> list[_Line]:
+    """The lines of all crashes, then those of crossing and of rear-end crashes."""
+    before = {_event(row): row for row in rows if row["method"] == Method.NONE.value}
+    with_radios = [row for row in rows if row["method"] != Method.NONE.value]
+    lines = []
+    for crashes in ("all", "crossing", "rear-end"):
+        events = {
+            event: row for event, row in before.items() if crashes in {"all", _kind_of_crash(row)}
+        }
+        for profile, driver in _steps(settings):
+            mine = [
+                row
+                for row in with_radios
+                if (row["profile"], row["driver"]) == (profile, driver.value)
+                and _event(row) in events
+            ]
+            is_first = (profile, driver) == (settings.profiles[0], Driver.WARNED)
+            alarm = "at the onset" if driver is Driver.ONSET else "car's"
+            counted = [(alarm, "any")]
+            if driver is not Driver.BRAKES:
+                counted = [(alarm, "two"), *counted]
+            if is_first:
+                counted = [("paper's", "two"), ("paper's", "any"), *counted]
+            lines += [
+                _line((crashes, profile, driver.value, alarm, counts), events, mine)
+                for alarm, counts in counted
+            ]
+    return lines
+
+
+def _event(row: Row) -> _Event:
+    return row["kind"], row["seed"]
+
+
+def _kind_of_crash(row: Row) -> str:
+    """By the angle of the crash without radios; by the event, if there is none."""
+    if row["crash"]:
+        return "crossing" if row["angle_deg"] > _CROSSING_DEG else "rear-end"
+    return "crossing" if row["kind"] == TrafficEventKind.RED_LIGHT.value else "rear-end"
+
+
+def _line(
+    step: tuple[str, str, str, str, str], before: dict[_Event, Row], mine: list[Row]
+) -> _Line:
+    *_, alarm, counted = step
+    avoided = dict.fromkeys(before, 0.0)
+    for row in mine:
+        avoided[_event(row)] += _avoided(row, before[_event(row)], alarm, counted)
+    crashed = [float(row["crash"]) for row in before.values()]
+    clusters = [row["pair"] or event for event, row in before.items()]
+    no_radio = [row for row in mine if row["outcome"] == CrashOutcome.NO_RADIO.value]
+    crashes = sum(crashed)
+    low, high = cluster_interval(clusters, list(avoided.values()), crashed)
+    return _Line(
+        *step,
+        events=len(before),
+        pairs=len({row["pair"] for row in before.values() if row["pair"]}),
+        angle_p10_deg=angle_deg(before.values(), 10),
+        angle_p50_deg=angle_deg(before.values(), 50),
+        angle_p90_deg=angle_deg(before.values(), 90),
+        p_without_radios=crashes / len(before) if before else math.nan,
+        avoidable=1.0 - sum(r["probability"] for r in no_radio) / crashes if crashes else math.nan,
+        reduction=sum(avoided.values()) / crashes if crashes else math.nan,
+        reduction_low_95=low,
+        reduction_high_95=high,
+        warned_before_s=median([row for row in mine if "driven_s" in row], "warned_before_s"),
+    )
+
+
+def _avoided(row: Row, before: Row, alarm: str, counted: str) -> float:
+    """Expected crashes that a run avoids, less those that it causes."""
+    if row["outcome"] is None:  # no crash without radios: a warning may cause one
+        counts = alarm != "paper's" and counted == "any"
+        return -float(row["weight"]) * float(row["crash"]) if counts else 0.0
+    if row["outcome"] == CrashOutcome.NO_RADIO.value:
+        return float(row["weight"]) * (float(before["crash"]) - float(row["crash"]))
+    if alarm != "paper's":
+        happens = row["crash"] if counted == "any" else row["outcome"] not in _TWO_AVOIDED
+    else:
+        happens = row["paper_alarm_crash" if counted == "any" else "paper_alarm_same_pair"]
+    return 0.0 if happens else float(row["probability"])
+
+
+_TWO_AVOIDED = {CrashOutcome.AVOIDED.value, CrashOutcome.ANOTHER.value}
+
+
+def _draw(table: Sequence[_Line]) -> Figure:
+    """A bar for every step of all crashes, with its interval."""
+    lines = [line for line in table if line.crashes == "all"]
+    figure = Figure(figsize=(7.0, 0.4 * len(lines) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    names = [f"{line.profile}, {line.driver}, {line.alarm}, {line.counted}" for line in lines]
+    shown = [line.reduction for line in lines]
+    errors = [
+        [line.reduction - line.reduction_low_95 for line in lines],
+        [line.reduction_high_95 - line.reduction for line in lines],
+    ]
+    axes.barh(names, shown, xerr=errors, capsize=3)
+    axes.invert_yaxis()
+    axes.set_xlabel("reduction of crashes")
+    return figure

@@ -1,0 +1,1 @@
+"""Rakhshan et al.: driver-based channel access on a highway."""

@@ -1,0 +1,1 @@
+"""Load and endurance of real daemons."""

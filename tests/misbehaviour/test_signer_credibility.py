@@ -1,0 +1,170 @@
+"""Charges of signers for alarms that nothing confirms."""
+
+from onboard.misbehaviour.signer_credibility import (
+    CLAIM_S,
+    HALF_LIFE_S,
+    MOST_ALARMS,
+    MOST_ALARMS_OF_UNIT,
+    RELEASE_S,
+    SLOWED_M_S,
+    SignerCredibility,
+)
+
+LIAR, OTHER, UNIT = b"liar....", b"other...", b"unit...."
+HOUR_S = 3600.0
+
+
+class Host:
+    """Asks at 10 Hz."""
+
+    def __init__(self) -> None:
+        self.credibility = SignerCredibility(lambda signer: signer == UNIT)
+        self.now = 0.0
+
+    def claim(
+        self, name: str, *signers: bytes, for_s: float = 0.1, slows_traffic: bool = False
+    ) -> int:
+        """Return at how many of the assessments the alarm is permitted."""
+        permitted = 0
+        for _ in range(round(for_s / 0.1)):
+            self.now += 0.1
+            permitted += self.credibility.permits(
+                "ima", name, signers or (LIAR,), self.now, slows_traffic=slows_traffic
+            )
+        return permitted
+
+    def pause(self, duration_s: float) -> None:
+        self.now += duration_s
+
+    def traffic(self, *speeds_m_s: float) -> None:
+        for speed_m_s in speeds_m_s:
+            self.now += 0.1
+            self.credibility.receive_traffic_speed(speed_m_s, self.now)
+
+
+def test_the_fourth_unconfirmed_alarm_is_refused_for_an_hour() -> None:
+    host = Host()
+    assert [host.claim(name) for name in "abcd"] == [1, 1, 1, 0]
+    host.pause(HOUR_S)
+    assert host.claim("e") == 0
+
+
+def test_a_road_side_unit_that_lies_is_ignored_later() -> None:
+    host = Host()
+    permitted = [host.claim(str(number), UNIT) for number in range(MOST_ALARMS_OF_UNIT + 3)]
+    assert sum(permitted) == MOST_ALARMS_OF_UNIT
+    assert permitted[-3:] == [0, 0, 0]
+
+
+def test_charges_decay() -> None:
+    host = Host()
+    for name in "abc":
+        host.claim(name)
+    host.pause(HALF_LIFE_S)
+    assert [host.claim(name) for name in "de"] == [1, 0]
+
+
+def test_an_ignored_signer_is_reported_once_with_its_last_claim() -> None:
+    host = Host()
+    for name in "abcde":
+        host.claim(name)
+    event = host.credibility.next_event()
+    assert event is not None
+    assert (event.signer_id, event.vehicle) == (LIAR, "c")
+    assert host.credibility.next_event() is None
+
+
+def test_an_alarm_that_stays_on_is_charged_anew_after_its_time() -> None:
+    host = Host()
+    assert host.claim("a", for_s=60.0) <= MOST_ALARMS * CLAIM_S / 0.1 + MOST_ALARMS
+
+
+def test_an_alarm_that_comes_again_is_a_new_one() -> None:
+    host = Host()
+    allowed = []
+    for _ in range(5):
+        allowed.append(host.claim("a"))
+        host.pause(RELEASE_S)
+    assert allowed == [1, 1, 1, 0, 0]
+
+
+def test_the_third_alarm_goes_on_while_its_signer_is_ignored() -> None:
+    host = Host()
+    for name in "abc":
+        assert host.claim(name, for_s=5.0) == 50
+    assert host.credibility.is_ignored(LIAR, host.now)
+    assert host.credibility.is_paid("c", host.now)
+    assert not host.credibility.is_paid("a", host.now)
+
+
+def test_what_own_sensors_measure_is_taken_back() -> None:
+    host = Host()
+    for number in range(20):
+        assert host.claim(str(number)) == 1
+        host.credibility.receive_sensed({str(number)}, host.now + 0.9 * CLAIM_S)
+
+
+def test_what_is_seen_too_late_stays_charged() -> None:
+    host = Host()
+    for name in "abc":
+        host.claim(name)
+        host.pause(CLAIM_S)
+        host.credibility.receive_sensed({name}, host.now)
+    assert host.claim("d") == 0
+
+
+def test_traffic_that_slows_down_confirms_a_braking_ahead() -> None:
+    host = Host()
+    for number in range(20):
+        host.traffic(20.0, 20.0)
+        assert host.claim(str(number), slows_traffic=True) == 1
+        host.traffic(19.0, 18.0 - SLOWED_M_S)
+
+
+def test_traffic_that_had_begun_to_slow_down_confirms_it_too() -> None:
+    host = Host()
+    for number in range(20):
+        host.traffic(20.0, 19.0)
+        assert host.claim(str(number), slows_traffic=True) == 1
+        host.traffic(17.9)
+        host.pause(CLAIM_S)
+
+
+def test_steady_traffic_and_another_vehicle_ahead_confirm_nothing() -> None:
+    host = Host()
+    for name in "abc":
+        host.traffic(20.0)
+        host.claim(name, slows_traffic=True)
+        host.traffic(19.0)
+        host.credibility.receive_other_traffic()
+        host.traffic(12.0)
+    assert host.claim("d", slows_traffic=True) == 0
+
+
+def test_slow_traffic_does_not_confirm_a_vehicle_that_crosses() -> None:
+    host = Host()
+    for name in "abc":
+        host.traffic(20.0)
+        host.claim(name)
+        host.traffic(10.0)
+    assert host.claim("d") == 0
+
+
+def test_several_signers_share_a_charge() -> None:
+    host = Host()
+    assert [host.claim(str(i), LIAR, OTHER) for i in range(8)] == [1] * 5 + [0] * 3
+
+
+def test_of_several_signers_only_those_that_are_credible_pay() -> None:
+    host = Host()
+    for name in "abc":
+        host.claim(name)
+    assert [host.claim(name, LIAR, OTHER) for name in "defg"] == [1, 1, 1, 0]
+
+
+def test_memory_is_bounded() -> None:
+    host = Host()
+    for number in range(5000):
+        host.claim(str(number), number.to_bytes(8))
+    assert len(host.credibility._charges) <= 1024
+    assert len(host.credibility._claims) <= 256

@@ -1,0 +1,57 @@
+"""The study of attacks: two insiders cost six false alarms at most, and true ones are heard."""
+
+from pathlib import Path
+
+import pytest
+
+from sim_rig.studies.attacks.attacks import AttackKind, AttacksSettings, run
+from sim_rig.studies.campaigns.campaign import Workers
+
+FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
+
+
+@pytest.mark.long
+def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:
+    summary = run(tmp_path, FEW, Workers())
+
+    assert summary == "at most 3.0 false alarms an insider; 0 of 2 true alarms missed"
+    _, unchecked, checked = (tmp_path / "table.csv").read_text().splitlines()
+    assert unchecked.startswith('"crossing vehicle, by BSM",1,False,1,40,')
+    assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,6,')
+    assert checked.endswith(",2,2,0")
+
+
+@pytest.mark.long
+def test_in_a_group_every_true_braking_is_warned_of_and_three_false_ones_at_most(
+    tmp_path: Path,
+) -> None:
+    braking = AttacksSettings(
+        attacks=(AttackKind.GROUP_BRAKINGS,), insiders=(1,), seconds=45.0, unchecked=False, runs=2
+    )
+
+    summary = run(tmp_path, braking, Workers())
+
+    assert summary == "at most 3.0 false alarms an insider; 0 of 4 true alarms missed"
+    (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
+    assert row.startswith("brakings of invented vehicles in the group,1,True,2,45,3,")
+
+
+@pytest.mark.long
+def test_who_takes_the_id_of_a_true_vehicle_first_does_not_hide_it(tmp_path: Path) -> None:
+    same_id = AttacksSettings(
+        attacks=(AttackKind.SAME_ID,), insiders=(1,), seconds=40.0, unchecked=False
+    )
+
+    assert run(tmp_path, same_id, Workers()).endswith("0 of 2 true alarms missed")
+
+
+@pytest.mark.long
+def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
+    footers = AttacksSettings(
+        attacks=(AttackKind.FOOTER,), insiders=(2,), seconds=30.0, unchecked=False
+    )
+
+    run(tmp_path, footers, Workers())
+
+    (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
+    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,6,')

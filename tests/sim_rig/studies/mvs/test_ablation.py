@@ -1,0 +1,90 @@
+"""From the paper's reading to the car as shipped: the steps, and what each counts."""
+
+import csv
+from pathlib import Path
+
+from sim_rig.roads.events import TrafficEventKind
+from sim_rig.studies.campaigns.campaign import Row, Workers
+from sim_rig.studies.campaigns.catalogue import run_study
+from sim_rig.studies.mvs.ablation import AblationSettings, Driver, ablation_table
+from tests.sim_rig.roads.lane_trace import write_lane
+
+SETTINGS = AblationSettings(profiles=("paper", "camera-60"))
+KEYS = ("profile", "driver", "alarm", "counted")
+
+
+def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> list[Row]:
+    """Two events that crash without radios: a crossing crash, and a rear-end crash.
+
+    `outcomes` are those of the runs in which the two cars have radios, a quarter each.
+    """
+    rows: list[Row] = []
+    for kind, angle_deg, outcome in (
+        (TrafficEventKind.RED_LIGHT, 90.0, outcomes[0]),
+        (TrafficEventKind.SUDDEN_BRAKE, 1.0, outcomes[1]),
+    ):
+        step = {"kind": kind.value, "seed": 7, "profile": profile, "driver": driver.value}
+        event = step | {"pair": f"{kind.value} pair"}
+        before = {"method": "none", "crash": True, "angle_deg": angle_deg, "outcome": None}
+        rows.append(event | before | {"weight": 1.0, "probability": 1.0})
+        without = {"crash": True, "outcome": "no_radio", "weight": 0.0, "probability": 0.75}
+        crash = outcome != "avoided"
+        with_radios = {"crash": crash, "outcome": outcome, "weight": 0.25, "probability": 0.25}
+        paper = {"paper_alarm_crash": False, "paper_alarm_same_pair": False}
+        rows += [event | {"method": "mvs"} | each | paper for each in (without, with_radios)]
+    return rows
+
+
+def test_a_step_counts_what_it_says() -> None:
+    """With the car's alarm, one crash becomes another one: for the two of the event, it is none."""
+    rows = rows_of_step("none", Driver.ONSET, ("avoided", "another")) + [
+        row
+        for driver, outcome in ((Driver.WARNED, "another"), (Driver.BRAKES, "avoided"))
+        for profile in SETTINGS.profiles
+        for row in rows_of_step(profile, driver, (outcome, "too_late"))
+    ]
+
+    table = [line._asdict() for line in ablation_table(SETTINGS, rows)]
+
+    steps = [tuple(line[key] for key in KEYS) for line in table if line["crashes"] == "all"]
+    assert steps == [
+        ("none", "onset", "at the onset", "two"),
+        ("none", "onset", "at the onset", "any"),
+        ("paper", "warned", "paper's", "two"),
+        ("paper", "warned", "paper's", "any"),
+        ("paper", "warned", "car's", "two"),
+        ("paper", "warned", "car's", "any"),
+        ("camera-60", "warned", "car's", "two"),
+        ("camera-60", "warned", "car's", "any"),
+        ("paper", "brakes", "car's", "any"),
+        ("camera-60", "brakes", "car's", "any"),
+    ]
+    reductions = {
+        crashes: [line["reduction"] for line in table if line["crashes"] == crashes]
+        for crashes in ("all", "crossing", "rear-end")
+    }
+    assert reductions["crossing"] == [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.25, 0.0, 0.25, 0.25]
+    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
+    assert reductions["all"][:6] == [0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
+    assert {line["avoidable"] for line in table} == {0.25}
+
+
+def test_the_ablation_is_written(tmp_path: Path) -> None:
+    """The first of two cars brakes."""
+    trace = write_lane(tmp_path / "lane.csv", 2)
+    given = {
+        "runs": 1,
+        "kinds": ["sudden_brake"],
+        "share": 1.0,
+        "profiles": ["camera-60"],
+        "encounter": {"scenes": [str(trace)]},
+    }
+
+    summary = run_study("mvs-ablation", tmp_path / "out", None, Workers(), given)
+
+    with (tmp_path / "out/table.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert {line["driver"] for line in lines} == {"onset", "warned", "brakes"}
+    assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
+    assert summary.startswith("from 100.0% (none, at the onset alarm)")
+    assert "camera-60" in summary

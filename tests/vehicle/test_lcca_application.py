@@ -1,0 +1,175 @@
+"""LCCA of two vehicles whose messages the test carries, without the other cores."""
+
+import math
+
+import numpy as np
+import pytest
+
+from onboard.lcca.events import WarningRaised
+from onboard.lcca.parameters import GroupParameters
+from onboard.lcca.transitions import GroupState
+from onboard.messages import bsm, lcca
+from onboard.messages.bsm_core import CoreData
+from onboard.messages.exchanged import MessageReceived
+from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
+from onboard.observations import BrakeCause, Discarded, HardBrake
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonym
+from onboard.security.security_services import Opened, SecurityServices
+from onboard.security.settings import PlateDigestSettings
+from onboard.trace.trace_line import Event
+from onboard.vehicle.lcca_application import LccaApplication
+from tests.leads import known_lead
+
+UTC_S = 1_790_000_000.0
+AHEAD, BEHIND = "AAA1", "BBB2"
+SIGNERS = {AHEAD: b"signer 1", BEHIND: b"signer 2"}
+
+
+class Car:
+    """One vehicle's LCCA at 15 m/s."""
+
+    def __init__(self, plate: str, epoch_s: float = 300.0) -> None:
+        self.plate = plate
+        self.digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
+        self.misbehaviour = MisbehaviourDetector()
+        self.lcca = LccaApplication(
+            GroupParameters(),
+            plate,
+            self.pseudonym(0.0),
+            np.random.default_rng(1),
+            digest=self.digest,
+            security=SecurityServices(UTC_S),
+            misbehaviour=self.misbehaviour,
+        )
+        self.events: list[Event] = []
+
+    def pseudonym(self, now: float) -> Pseudonym:
+        car_id = self.digest.car_id(self.plate, UTC_S + now)
+        ends_at_utc_s = self.digest.epoch_ends_at(UTC_S + now)
+        return Pseudonym(car_id, self.plate.encode(), 0, None, ends_at_utc_s)
+
+    def step(self, lead: str | None, now: float) -> list[lcca.LccaMessage]:
+        self.lcca.identification.receive_speed(15.0, now)
+        self.lcca.group.receive_speed(15.0, now)
+        if lead is not None:
+            self.lcca.receive_lead(known_lead(now, lead), now)
+        self.lcca.prepare_next_epoch(now)
+        for core in (self.lcca.pending_warnings, self.lcca.group):
+            core.handle_timer(now)
+        self.events += self.lcca.take_events(now)
+        return self.lcca.messages_to_send(now)
+
+    def hears(
+        self, payload: bytes, signer: bytes | None, now: float, heading_rad: float | None = None
+    ) -> list[Event]:
+        self.lcca.receive_message(Opened(payload, signer, UTC_S + now), heading_rad, now)
+        new = list(self.lcca.take_events(now))
+        self.events += new
+        return new
+
+
+class Pair:
+    """Two vehicles in one lane; steps of 20 ms."""
+
+    def __init__(self, epoch_s: float = 300.0) -> None:
+        self.cars = {plate: Car(plate, epoch_s) for plate in (AHEAD, BEHIND)}
+        self.now = 0.0
+        self.on_air: list[lcca.LccaMessage] = []
+
+    def drive(self, duration_s: float) -> None:
+        end_s = self.now + duration_s
+        while self.now < end_s:
+            self.now += 0.02
+            for plate, car in self.cars.items():
+                for message in car.step(AHEAD if plate == BEHIND else None, self.now):
+                    self.on_air.append(message)
+                    for other in self.cars.values():
+                        if other is not car:
+                            other.hears(lcca.encode(message), SIGNERS[plate], self.now)
+
+
+def of(events: list[Event], kind: type) -> list[Event]:
+    return [event for event in events if isinstance(event, kind)]
+
+
+def refusals(events: list[Event]) -> list[str]:
+    return [event.reason for event in events if isinstance(event, Discarded)]
+
+
+@pytest.fixture
+def pair() -> Pair:
+    two = Pair()
+    two.drive(2.0)
+    return two
+
+
+def test_a_read_plate_is_identified_and_joined(pair: Pair) -> None:
+    ahead, behind = pair.cars.values()
+
+    assert behind.lcca.identification.identity is not None
+    assert behind.lcca.identification.identity.text == AHEAD
+    assert behind.lcca.group.state is GroupState.MEMBER
+    assert ahead.lcca.group.followers == (behind.pseudonym(0.0).car_id,)
+
+
+def test_a_braking_ahead_warns_and_its_message_is_reported_first(pair: Pair) -> None:
+    ahead, behind = pair.cars.values()
+    behind.events.clear()
+
+    ahead.lcca.group.receive_hard_brake(
+        HardBrake(pair.now, 6.0, "test", BrakeCause.DECELERATION), pair.now
+    )
+    pair.drive(0.2)
+
+    assert len(of(behind.events, WarningRaised)) == 1
+    kinds = [type(event) for event in behind.events]
+    assert kinds.index(MessageReceived) < kinds.index(WarningRaised)
+
+
+def test_bytes_that_are_no_message_are_discarded(pair: Pair) -> None:
+    (event,) = pair.cars[BEHIND].hears(b"?", None, pair.now)
+
+    assert event == Discarded(pair.now, "lcca", "too_short", "1 bytes are no message")
+
+
+@pytest.mark.parametrize(
+    ("own_rad", "refused"), [(0.0, ["opposite_direction"]), (math.pi, []), (None, [])]
+)
+def test_who_drives_in_the_opposite_direction_is_refused(
+    pair: Pair, own_rad: float | None, refused: list[str]
+) -> None:
+    behind = pair.cars[BEHIND]
+    southbound = bsm.BasicSafetyMessage(CoreData(0, b"AAA1", heading_rad=math.pi))
+    behind.misbehaviour.receive_bsm(SIGNERS[AHEAD], southbound, pair.now, pair.now)
+    joined = next(each for each in pair.on_air if isinstance(each, lcca.Reply))
+
+    events = behind.hears(lcca.encode(joined), SIGNERS[AHEAD], pair.now, own_rad)
+
+    assert [each for each in refusals(events) if each == "opposite_direction"] == refused
+
+
+def test_another_signer_does_not_speak_for_the_vehicle_ahead(pair: Pair) -> None:
+    joined = next(each for each in pair.on_air if isinstance(each, lcca.Reply))
+
+    events = pair.cars[BEHIND].hears(lcca.encode(joined), b"signer 3", pair.now)
+
+    assert refusals(events) == ["another_signer"]
+
+
+def test_the_next_id_is_sent_before_the_epoch_ends_and_masked_on_the_air() -> None:
+    pair = Pair(epoch_s=70.0)
+    ahead, behind = pair.cars.values()
+    pair.drive(2.0)
+    ends_at = ahead.pseudonym(0.0).ends_at_utc_s - UTC_S
+    pair.now = ends_at - 50.0
+    pair.drive(2.0)
+    next_id = ahead.digest.car_id(AHEAD, UTC_S + ends_at)
+    sent = [each.next_leader_id for each in pair.on_air if isinstance(each, lcca.Reply)]
+
+    assert set(sent) - {lcca.NO_ID}
+    assert next_id not in sent
+    for car in (ahead, behind):
+        car.lcca.change_pseudonym(car.pseudonym(ends_at), ends_at)
+        car.lcca.follow_lead(ends_at)
+    assert behind.lcca.group.leader_id == next_id
