@@ -1,5 +1,6 @@
 """Metrics for an operator, in Prometheus' exposition format."""
 
+from dataclasses import asdict
 from functools import partial
 
 from prometheus_client import (
@@ -13,6 +14,7 @@ from prometheus_client import (
 )
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
+from onboard.build import Build
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupState
 from onboard.messages.exchanged import MessageReceived, MessageSent
@@ -27,13 +29,22 @@ _DELAY_BUCKETS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2
 class Metrics:
     """Metrics of one vehicle, in a registry of its own."""
 
-    def __init__(self, sensors: frozenset[Sensor]) -> None:
-        """Start all counters at 0; `sensors` are the configured ones."""
+    def __init__(self, sensors: frozenset[Sensor], build: Build) -> None:
+        """Start all counters at 0.
+
+        Args:
+            sensors: the configured ones.
+            build: of this program.
+        """
         disable_created_metrics()  # type: ignore[no-untyped-call]  # untyped upstream
         self._registry = registry = CollectorRegistry()
         counter, gauge = partial(Counter, registry=registry), partial(Gauge, registry=registry)
         delay = partial(Histogram, registry=registry, buckets=_DELAY_BUCKETS_S)
         ProcessCollector(registry=registry)
+        origin = asdict(build) | {"is_modified": str(build.is_modified).lower()}
+        gauge("onboard_build_info", "1, with the build of this program.", list(origin)).labels(
+            **origin
+        ).set(1)
         self._events = counter("onboard_events", "Events of the cores.", ["kind"])
         self._discarded = counter(
             "onboard_discarded",

@@ -16,6 +16,7 @@ from aiohttp import WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 from typing_extensions import override
 
+from onboard.build import present_build
 from onboard.errors import UserError
 from onboard.hmi.access_check import AccessCheck
 from onboard.hmi.connection_limiter import ConnectionLimiter
@@ -102,6 +103,7 @@ class PageServer:
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/views", self._serve_views)
         app.router.add_get("/metrics", self._serve_metrics)
+        app.router.add_get("/build", self._serve_build)
         if self._recordings is not None:
             add_recordings(app, self._recordings)
         add_page(app, read_page("onboard.hmi"))
@@ -175,6 +177,9 @@ class PageServer:
     async def _serve_metrics(self, _request: web.Request) -> web.Response:
         body, content_type = self._metrics.exposition()
         return web.Response(body=body, headers={"Content-Type": content_type})
+
+    async def _serve_build(self, _request: web.Request) -> web.Response:
+        return web.Response(text=present_build().name)
 
     async def _serve_views(self, request: web.Request) -> web.StreamResponse:
         if len(self._pages) >= MOST_PAGES:

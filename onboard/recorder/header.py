@@ -34,7 +34,7 @@ class RecordingHeader(Settings):
     drive: str
     """Name of the drive: its start in UTC."""
     software: str
-    """Version of `onboard`."""
+    """The build of `onboard` that made the recording."""
     seed: tuple[int, ...]
     """Seed of all random draws: entropy and spawn key of a `numpy.random.SeedSequence`."""
     now_s: float

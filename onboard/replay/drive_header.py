@@ -2,11 +2,11 @@
 
 import datetime as dt
 import json
-from importlib.metadata import version
 
 import numpy as np
 
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.build import present_build
 from onboard.obd.dbc_file import parse_signals
 from onboard.recorder.header import Certificates, RecordingHeader
 from onboard.recorder.identities import Aliases
@@ -42,7 +42,7 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     assert isinstance(seed.entropy, int)  # noqa: S101 (what numpy makes of None or a number)
     return RecordingHeader(
         drive=_name(initial.utc_s),
-        software=version("onboard"),
+        software=present_build().name,
         seed=(seed.entropy, *seed.spawn_key),
         now_s=initial.now,
         utc_s=initial.utc_s,

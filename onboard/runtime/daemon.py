@@ -18,6 +18,7 @@ from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.brake_request.request_outputs import RequestOutputs
+from onboard.build import present_build
 from onboard.detector.detector_socket import open_detector
 from onboard.detector.object_list import ObjectListReader
 from onboard.errors import UserError
@@ -150,7 +151,7 @@ class Daemon:
             self._sinks.show(Ready(time.monotonic()))
             self._step()
             self._manager.ready(f"driving as {self.config.car.plate}")
-            log.info("ready", plate=self.config.car.plate)
+            log.info("ready", plate=self.config.car.plate, build=present_build().name)
             result = await until()
         self.save_driver()
         log.info("stopped")

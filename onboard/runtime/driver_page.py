@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from onboard.build import present_build
 from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_server import PageServer
@@ -39,7 +40,7 @@ class DriverPage:
             length_m=config.car.length_m,
             brake_button=settings.brake_button,
         )
-        self._metrics = Metrics(config.sensors())
+        self._metrics = Metrics(config.sensors(), present_build())
         self._server = PageServer(
             settings,
             self._metrics,

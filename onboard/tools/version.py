@@ -1,14 +1,15 @@
 """The option `--version` of both command lines."""
 
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
+from onboard.build import present_build
+
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"onboard {version('onboard')}")
+        typer.echo(f"onboard {present_build().name}")
         raise typer.Exit
 
 

@@ -1,9 +1,9 @@
-"""What differs between a box and a process of the same car: version and configuration."""
+"""What differs between a box and a process of the same car: build and configuration."""
 
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
 from typing import Any
 
+from onboard.build import present_build
 from onboard.recorder.header import RecordingHeader
 from onboard.replay.drive_header import OF_THE_CORES
 from onboard.settings import SettingsError, parse_settings
@@ -22,15 +22,15 @@ _OF_THE_BOX = (
 
 
 def differences(header: RecordingHeader, scenario: Scenario, car: str) -> Iterator[str]:
-    """Yield a sentence for another version, and one for the settings that differ.
+    """Yield a sentence for another build, and one for the settings that differ.
 
     Args:
         header: of the recording of a box.
         scenario: the scenario of the run.
         car: name of the box.
     """
-    if header.software != version("onboard"):
-        yield f"its onboard has version {header.software}, the rig's {version('onboard')}"
+    if header.software != present_build().name:
+        yield f"its onboard is {header.software}, the rig's {present_build().name}"
     try:
         box = parse_settings(header.config, CarConfig, "its configuration")
     except SettingsError as error:

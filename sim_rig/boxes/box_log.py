@@ -73,6 +73,8 @@ class BoxLog:
     """`None` if the trace can be judged."""
     notes: tuple[str, ...] = ()
     """What of the box is not as in a process of its car."""
+    build: str | None = None
+    """Of its `onboard`; `None` without a recording."""
 
 
 def box_log(
@@ -113,6 +115,7 @@ def box_log(
         clocks,
         next((why for why in wrong if why is not None), None),
         tuple(different(drives[-1].header)),
+        drives[-1].header.software,
     )
 
 

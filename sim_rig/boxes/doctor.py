@@ -85,7 +85,8 @@ def _clock(car: str, log: RunLog) -> Iterator[Finding]:
         detail = "none: only the messages of the box are judged"
         yield Finding("recording", FindingLevel.NOT_CONFIGURED, detail)
     else:
-        detail = f"{len(log.traces[car])} records of this drive"
+        by = f", by onboard {log.builds[car]}" if car in log.builds else ""
+        detail = f"{len(log.traces[car])} records of this drive{by}"
         yield Finding("recording", FindingLevel.GOOD, detail)
 
 

@@ -33,6 +33,8 @@ class RunLog:
     """Boxes without a recording, whose traces have only the messages that they sent."""
     notes: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """What of a box is not as in a process of its car."""
+    builds: Mapping[str, str] = field(default_factory=dict)
+    """Build of `onboard` of each box, from its recording."""
     lateness: Sequence[LatenessLine] = ()
     """How late the rig was."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import typer
 
 from onboard.settings import load_settings
+from onboard.tools.doctor.computer import examine_program
 from onboard.tools.doctor.finding import Finding
 from sim_rig.boxes.doctor import doctor_scenario, findings_of_drive
 from sim_rig.boxes.settings import BoxSettings, load_boxes
@@ -20,7 +21,7 @@ def examine_box(file: Path, out: Path) -> list[Finding]:
         out: folder of the run's folder.
 
     Returns:
-        a finding for each wire; and if the box uses all of them, what the drive shows.
+        the rig's build; a finding for each wire; if the box uses all of them, what the drive shows.
 
     Raises:
         UserError: the file has mistakes, or the rig cannot run.
@@ -45,5 +46,5 @@ def examine_box(file: Path, out: Path) -> list[Finding]:
         return True
 
     is_ready = run_until_terminated(drive())
-    wires = list(prepared.contact(car).findings(car, boxes[car], scenario))
+    wires = [examine_program(), *prepared.contact(car).findings(car, boxes[car], scenario)]
     return [*wires, *findings_of_drive(car, prepared.log())] if is_ready else wires

@@ -204,6 +204,7 @@ class LiveTestbench:
             unjudged={car: why for car, why in why_not_judged.items() if why is not None},
             by_messages=frozenset(car for car, box in self._boxes.items() if not box.recording),
             notes={car: box.notes for car, box in boxes.items() if box.notes},
+            builds={car: box.build for car, box in boxes.items() if box.build is not None},
             lateness=self._lines,
         )
 

@@ -17,6 +17,7 @@ IO_MODULES = frozenset({
 EDGES = frozenset({
     "access/driver_file.py",
     "brake_request/request_outputs.py",
+    "build.py",
     "detector/detector_socket.py",
     "gnss/gnss_log.py", "gnss/gpsd.py",
     "hmi/access_check.py", "hmi/connection_limiter.py", "hmi/feed.py", "hmi/page_files.py",

@@ -6,17 +6,20 @@ from pathlib import Path
 
 import yaml
 
+from onboard.build import Build
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.settings import HmiSettings
 from onboard.observations import Sensor
 
 FOLDER = Path(__file__).parents[2] / "deploy" / "grafana"
+BUILD = Build("0.2.0", "4f463bb4b", "20261124")
+
 DASHBOARD = json.loads((FOLDER / "onboard.json").read_text())
 
 
 def metric_names() -> set[str]:
     """Return the names of all metrics of a vehicle without events."""
-    metrics = Metrics(frozenset(Sensor))
+    metrics = Metrics(frozenset(Sensor), BUILD)
     text = metrics.exposition()[0].decode()
     families = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
     names = {name for name, _ in families}

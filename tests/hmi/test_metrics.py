@@ -4,6 +4,7 @@ import math
 
 from prometheus_client.parser import text_string_to_metric_families
 
+from onboard.build import Build
 from onboard.hmi.metrics import Metrics
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupEvent, GroupState
@@ -19,6 +20,8 @@ from onboard.observations import (
 )
 from onboard.risk.alarm import Alarm, Cause, Level
 
+BUILD = Build("0.2.0", "4f463bb4b", "20261124")
+
 
 def read(metrics: Metrics) -> dict[str, float]:
     text = metrics.exposition()[0].decode()
@@ -31,8 +34,16 @@ def read(metrics: Metrics) -> dict[str, float]:
     }
 
 
+def test_the_build_is_a_metric_with_labels() -> None:
+    (build,) = (name for name in read(Metrics(frozenset(), BUILD)) if "build_info" in name)
+
+    assert build == (
+        "onboard_build_info commit=4f463bb4b date=20261124 is_modified=false version=0.2.0"
+    )
+
+
 def test_events_are_counted() -> None:
-    metrics = Metrics(frozenset({Sensor.CAMERA}))
+    metrics = Metrics(frozenset({Sensor.CAMERA}), BUILD)
     for event in (
         Discarded(1.0, "lcca", "duplicate"),
         Discarded(1.1, "lcca", "duplicate"),
@@ -65,7 +76,7 @@ def test_events_are_counted() -> None:
 
 
 def test_a_lost_sensor_has_no_value() -> None:
-    metrics = Metrics(frozenset({Sensor.CAMERA, Sensor.SPEED}))
+    metrics = Metrics(frozenset({Sensor.CAMERA, Sensor.SPEED}), BUILD)
     metrics.receive_event(Speed(1.0, 20.0, 0.28, "obd:7E8"))
     metrics.receive_event(Lead(1.0, LeadIdentity.UNKNOWN, None, 21.5))
     metrics.receive_event(SensorLost(2.0, Sensor.SPEED, 0.8, "silent"))
@@ -77,7 +88,7 @@ def test_a_lost_sensor_has_no_value() -> None:
 
 
 def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
-    metrics = Metrics(frozenset({Sensor.CAMERA}))
+    metrics = Metrics(frozenset({Sensor.CAMERA}), BUILD)
     metrics.receive_event(Alarm(1.0, Cause.LCCA, Level.WARNING, 6.0, ()))
     metrics.receive_event(Alarm(2.0, Cause.LCCA, Level.NONE, 0.0, ()))
     metrics.receive_event(SensorLost(1.0, Sensor.CAMERA, 0.8, "frozen"))
@@ -91,7 +102,7 @@ def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
 
 
 def test_the_level_of_a_cause_is_that_of_its_most_urgent_vehicle() -> None:
-    metrics = Metrics(frozenset())
+    metrics = Metrics(frozenset(), BUILD)
     metrics.receive_event(Alarm(1.0, Cause.IMA, Level.WARNING, 0.6, (), "7"))
     metrics.receive_event(Alarm(1.0, Cause.IMA, Level.CAUTION, 0.4, (), "8"))
     both = read(metrics)["onboard_alarm_level cause=ima"]
@@ -101,7 +112,7 @@ def test_the_level_of_a_cause_is_that_of_its_most_urgent_vehicle() -> None:
 
 
 def test_two_vehicles_in_one_process_have_separate_metrics() -> None:
-    one, other = Metrics(frozenset()), Metrics(frozenset())
+    one, other = Metrics(frozenset(), BUILD), Metrics(frozenset(), BUILD)
     one.count_refusal("wrong_token")
 
     assert read(one)["onboard_page_refused_total reason=wrong_token"] == 1

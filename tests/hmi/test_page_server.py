@@ -10,6 +10,7 @@ from typing import Any
 import aiohttp
 import pytest
 
+from onboard.build import Build, present_build
 from onboard.errors import UserError
 from onboard.hmi.connection_limiter import MOST_CONNECTIONS
 from onboard.hmi.metrics import Metrics
@@ -18,6 +19,8 @@ from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
 from onboard.hmi.settings import HmiSettings
 from onboard.settings import SettingsError, parse_settings
 from tests.hmi.row import free_port
+
+BUILD = Build("0.2.0", "4f463bb4b", "20261124")
 
 TOKEN = "aaaabbbbccccdddd"  # noqa: S105 (of this test)
 
@@ -65,7 +68,7 @@ async def served(recorded: Path | None = None, **settings: object) -> AsyncItera
     pressed: list[None] = []
     server = PageServer(
         parse_settings(tree, HmiSettings, "hmi"),
-        Metrics(frozenset()),
+        Metrics(frozenset(), BUILD),
         lambda: pressed.append(None),
         recorded,
     )
@@ -90,6 +93,15 @@ def test_every_file_of_the_page_is_served_with_strict_headers() -> None:
                     assert "default-src 'none'" in policy
                     assert "unsafe" not in policy
                     assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+    run(check())
+
+
+def test_the_page_shows_the_build_that_runs() -> None:
+    async def check() -> None:
+        async with served() as it:
+            assert await it.text("build") == present_build().name
+            assert 'id="build"' in await it.text("")
 
     run(check())
 
@@ -355,7 +367,7 @@ def test_a_port_in_use_is_a_user_error() -> None:
     async def start() -> None:
         async with served() as it:
             port = int(it.address.rsplit(":", 1)[1].strip("/"))
-            second = PageServer(HmiSettings(port=port), Metrics(frozenset()), lambda: None)
+            second = PageServer(HmiSettings(port=port), Metrics(frozenset(), BUILD), lambda: None)
             with pytest.raises(UserError, match=f"hmi: 127.0.0.1:{port}: "):
                 await second.start()
 

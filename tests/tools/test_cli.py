@@ -3,10 +3,11 @@
 import json
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+from onboard.build import present_build
 
 
 def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -15,8 +16,8 @@ def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_version_is_that_of_the_package() -> None:
-    assert onboard("--version").stdout == f"onboard {version('onboard')}\n"
+def test_the_version_names_commit_and_date() -> None:
+    assert onboard("--version").stdout == f"onboard {present_build().name}\n"
 
 
 def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ let last = null; // the last view
 new Tabs($("tabs"), () => { if (last !== null) showMiddle(last); });
 const link = new Link("views", show, showAge);
 $("brake").onclick = () => link.send("brake");
+fetch("build").then((answer) => answer.text()).then((build) => { $("build").textContent = `onboard ${build}`; });
 
 function show(view) {
   last = view;

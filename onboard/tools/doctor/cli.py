@@ -14,7 +14,13 @@ from onboard.errors import UserError
 from onboard.settings import load_settings
 from onboard.tools.doctor.camera import examine_camera
 from onboard.tools.doctor.can_bus import examine_bus
-from onboard.tools.doctor.computer import examine_clock, examine_disk, examine_keys, written_folders
+from onboard.tools.doctor.computer import (
+    examine_clock,
+    examine_disk,
+    examine_keys,
+    examine_program,
+    written_folders,
+)
 from onboard.tools.doctor.detector import examine_detector
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.tools.doctor.gnss_receiver import examine_gnss_receiver
@@ -77,6 +83,7 @@ async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
     now_utc_s = time.time()
     return [
         *findings,
+        examine_program(),
         examine_clock(now_utc_s),
         *examine_disk(written_folders(config)),
         *examine_keys(config.security, now_utc_s),

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import onboard
+from onboard.build import present_build
 from onboard.security.key_files import KeyFilesError, read_own_credentials
 from onboard.security.pkcs11_token import TokenError
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
@@ -38,6 +39,11 @@ _STA_UNSYNC = 0x40
 """Status bit of adjtimex(2): the clock is not synchronised."""
 _TIMEX_BYTES, _STATUS_AT = 208, 40
 """Size of struct timex and offset of its status, on 64-bit Linux."""
+
+
+def examine_program() -> Finding:
+    """Return which build this is."""
+    return Finding("program", FindingLevel.GOOD, f"onboard {present_build().name}")
 
 
 def examine_clock(now_utc_s: float) -> Finding:

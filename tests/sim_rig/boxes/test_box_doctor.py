@@ -100,6 +100,7 @@ def drive(red: Sequence[dict[str, Any]], ahead: Sequence[dict[str, Any]] = ()) -
         {"ahead": list(ahead), "red": list(red)},
         [],
         {"ab": "ahead"},
+        builds={"red": "0.2.0+20261124.4f463bb4b"},
         clocks={"red": [ClockOffset(5.0, 0.001, 90, 80)]},
     )
 
@@ -113,6 +114,7 @@ def test_a_member_behind_the_car_ahead_hears_and_is_heard() -> None:
     assert missing(found) == {}
     assert [each.subject for each in found] == ["clock", "recording", "group"]
     assert found[0].detail == "rig - box 5.0000 s +- 1.0 ms, 90 frames from the box, 80 to it"
+    assert found[1].detail == "2 records of this drive, by onboard 0.2.0+20261124.4f463bb4b"
     assert found[-1].detail == "it is a member behind ahead"
 
 

@@ -1,11 +1,11 @@
 """What the rig makes of a recording: a trace on the rig's clock, or why it is not judged."""
 
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+from onboard.build import present_build
 from onboard.observations import Position
 from onboard.recorder.records import CameraImage, RecordedMessage
 from onboard.recorder.segment import IMAGES, Segment
@@ -188,10 +188,10 @@ def test_a_box_with_another_plate_is_not_judged(recorded: Path) -> None:
     assert why.startswith(f"it sends as {own}, which is not of the scenario's plate: `car.plate`")
 
 
-def test_another_version_or_configuration_is_named(recorded: Path) -> None:
+def test_another_build_or_configuration_is_named(recorded: Path) -> None:
     scenario = load_scenario("fig4")
     config = car_config(scenario, "red", seed=0) | {"car": {"plate": "X1", "length_m": 4.5}}
-    same = HEADER.model_copy(update={"software": version("onboard"), "config": config})
+    same = HEADER.model_copy(update={"software": present_build().name, "config": config})
     assert list(differences(same, scenario, "red")) == []
     other = config | {"lcca": {"join_headway_s": 1.5}, "beacons": False}
     found = differences(
@@ -199,7 +199,7 @@ def test_another_version_or_configuration_is_named(recorded: Path) -> None:
     )
     headway = f"lcca.join_headway_s 1.5 ({scenario.lcca.join_headway_s})"
     assert list(found) == [
-        f"its onboard has version 0.0.1, the rig's {version('onboard')}",
+        f"its onboard is 0.0.1, the rig's {present_build().name}",
         f"its configuration (and a process's): beacons False (True), {headway}",
     ]
     newer = HEADER.model_copy(update={"config": config | {"lidar": {}}})
