@@ -15,6 +15,7 @@ class RequestDatagramSettings(Settings):
     host: str = Field("127.0.0.1", min_length=1)
     """Another computer's address only if the controller runs there."""
     port: int = Field(5310, ge=1, le=65535)
+    """UDP port of the controller."""
 
 
 class RequestFrameSettings(CanSettings):
@@ -49,7 +50,9 @@ class BrakeRequestSettings(Settings):
     """When braking is requested, and where that is sent; without `udp` and `can`, only traced."""
 
     udp: RequestDatagramSettings | None = None
+    """A controller that receives JSON by UDP; null for none."""
     can: RequestFrameSettings | None = None
+    """A controller on a CAN bus; null for none."""
     most_m_s2: float = Field(6.0, ge=1.0, le=10.0)
     """Hardest braking that is requested."""
     crossing_m_s2: float = Field(5.0, ge=1.0, le=10.0)

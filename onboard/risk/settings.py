@@ -34,6 +34,8 @@ class RiskSettings(Settings):
     """All alarms."""
 
     fcw: FcwSettings = FcwSettings()
+    """Forward collision warning, and what EEBL has in common with it."""
     ima: ImaSettings = ImaSettings()
+    """Intersection movement assist."""
     least_speed_m_s: float = Field(2.0, ge=0.0, le=20.0)
     """Below this host speed there are no FCW and no EEBL."""

@@ -25,9 +25,11 @@ class LogDistance(Settings):
     """Log-distance model: one exponent from 1 m on."""
 
     model: Literal["log-distance"] = "log-distance"
+    """One exponent from 1 m on."""
     reference_db: float = Field(default=47.86, ge=0.0, le=100.0)
     """At 1 m."""
     exponent: float = Field(default=2.75, ge=1.0, le=8.0)
+    """The loss grows by ten times this in dB with each tenfold distance."""
 
     def loss_db(self, distance_m: Array) -> Array:
         """What is lost over each distance."""
@@ -38,11 +40,15 @@ class DualSlope(Settings):
     """Dual-slope model: one exponent up to a breakpoint and a larger one beyond, for roads."""
 
     model: Literal["dual-slope"] = "dual-slope"
+    """One exponent up to a breakpoint, and another one beyond."""
     reference_db: float = Field(default=47.86, ge=0.0, le=100.0)
     """At 1 m."""
     near_exponent: float = Field(default=2.0, ge=1.0, le=8.0)
+    """The loss grows by ten times this in dB with each tenfold distance, up to `breakpoint_m`."""
     far_exponent: float = Field(default=3.8, ge=1.0, le=8.0)
+    """The same beyond `breakpoint_m`."""
     breakpoint_m: float = Field(default=100.0, gt=1.0, le=10_000.0)
+    """Distance from which `far_exponent` counts."""
 
     def loss_db(self, distance_m: Array) -> Array:
         """What is lost over each distance."""
@@ -56,8 +62,11 @@ class TwoRay(Settings):
     """Two-ray ground model: the direct ray and the one reflected by the road."""
 
     model: Literal["two-ray"] = "two-ray"
+    """The direct ray and the one reflected by the road."""
     antenna_height_m: float = Field(default=1.5, gt=0.0, le=20.0)
+    """Of both antennas above the road."""
     frequency_ghz: float = Field(default=5.86, gt=0.5, le=10.0)
+    """Of the carrier."""
 
     def loss_db(self, distance_m: Array) -> Array:
         """What is lost over each distance."""

@@ -32,6 +32,7 @@ class Building(Settings):
     wall_db: float = Field(default=9.0, ge=0.0, le=60.0)
     """Loss of each wall cut."""
     inside_db_per_m: float = Field(default=0.4, ge=0.0, le=10.0)
+    """Loss of each metre of the line of sight inside."""
 
     def loss_db(self, from_m: Array, to_m: Array) -> Array:
         """Loss of each line of sight, (lines,), from `from_m` to `to_m`, both (lines, 2)."""

@@ -16,6 +16,7 @@ class CarFollowing(Settings):
     acceleration_m_s2: float = Field(2.1, gt=0.0, le=10.0)
     """IDM's a."""
     hardest_deceleration_m_s2: float = Field(8.0, gt=0.0, le=15.0)
+    """Limit of the braking, in an emergency too."""
     headway_s: float = Field(1.2, ge=0.0, le=5.0)
     """IDM's T."""
     standing_gap_m: float = Field(2.0, gt=0.0, le=10.0)

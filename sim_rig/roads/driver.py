@@ -51,9 +51,11 @@ class ReactionSettings(Settings):
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
     """From the warning to the brake."""
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
+    """Standard deviation of the logarithm of that time."""
     braking_m_s2: Span[Positive] = (4.0, 8.0)
     """Deceleration of a warned driver, uniform between these."""
     following: CarFollowing = CarFollowing()
+    """How drivers follow the car ahead once they leave the recording."""
 
 
 class Obstacle(NamedTuple):

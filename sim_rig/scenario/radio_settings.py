@@ -43,14 +43,19 @@ class LinkSettings(Settings):
     """What the received power follows from."""
 
     tx_power_dbm: float = Field(default=20.0, ge=-10.0, le=40.0)
+    """Transmit power at the antenna."""
     path_loss: PathLoss = DualSlope()
+    """Model of the loss over the distance."""
     nakagami_m: float | None = Field(default=None, ge=0.5, le=50.0)
     """Shape of Nakagami fading, drawn for each frame and receiver: 1 is Rayleigh; null is none."""
     buildings: tuple[Building, ...] = ()
+    """Ground plans of the buildings that attenuate the signal."""
     vehicles_shadow: bool = False
     """Whether cars between two antennas attenuate the signal."""
     antenna_height_m: float = Field(default=1.5, gt=0.0, le=5.0)
+    """Of all antennas above the road, where vehicles shadow."""
     frequency_ghz: float = Field(default=5.86, gt=0.5, le=10.0)
+    """Of the carrier, where vehicles shadow."""
     sensitivity_dbm: float = Field(default=-104.0, ge=-140.0, le=0.0)
     """Weaker signals do not count."""
 
@@ -63,8 +68,11 @@ class CsmaSettings(LinkSettings):
     """
 
     model: Literal["csma"] = "csma"
+    """IEEE 802.11p."""
     data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
+    """Of all frames, in a 10 MHz channel."""
     noise_figure_db: float = Field(default=7.0, ge=0.0, le=30.0)
+    """Noise that the receiver adds to the thermal noise."""
     preamble_snr_db: float = Field(default=4.0, ge=-10.0, le=30.0)
     """Least SINR at which a preamble is detected."""
     preamble_dbm: float = Field(default=-95.0, ge=-120.0, le=0.0)
@@ -83,13 +91,16 @@ class SidelinkSettings(LinkSettings):
     """
 
     model: Literal["sidelink"] = "sidelink"
+    """C-V2X."""
     subchannels: int = Field(default=4, ge=1, le=10)
+    """Number of subchannels in 10 MHz."""
     subchannel_bytes: int = Field(default=190, ge=20, le=1000)
     """That one subchannel carries in a subframe of 1 ms; a message has as many as it needs. One
     that is larger than all of them has all, as if the rate were higher at the same errors."""
     sensitivity_dbm: float = Field(default=-90.5, ge=-140.0, le=0.0)
     """Least received power at which a message is decoded."""
     noise_figure_db: float = Field(default=9.0, ge=0.0, le=30.0)
+    """Noise that the receiver adds to the thermal noise."""
     shadowing_db: float = Field(default=0.0, ge=0.0, le=20.0)
     """Standard deviation of lognormal shadowing, drawn for each message and receiver."""
     event_window_ms: int = Field(default=20, ge=20, le=100)

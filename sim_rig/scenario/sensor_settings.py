@@ -32,6 +32,7 @@ class ReceiverSettings(Settings):
     """GNSS receiver and its errors; all cars of a scenario have the same model."""
 
     rate_hz: float = Field(10.0, ge=1.0, le=20.0)
+    """Fixes a second."""
     latency_s: float = Field(0.08, ge=0.0, le=0.5)
     """From the time of a fix to its first byte on the line."""
     bias_sigma_m: float = Field(0.7, ge=0.0, le=20.0)

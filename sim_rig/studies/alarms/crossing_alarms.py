@@ -59,15 +59,19 @@ class AlarmSettings(Settings):
     """One campaign."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws, together with the number of the run."""
     runs: int = Field(30, ge=1)
     """Of each kind of meetings."""
     kinds: Several[MeetingKind] = tuple(MeetingKind)
+    """What the second vehicle does."""
     traffic: TrafficSettings = TrafficSettings(approaches=100)
     """`approaches` are the meetings of a run."""
     turn_signals: bool = True
     """Whether who turns left signals it, all the time."""
     receivers: ReceiverSettings = ReceiverSettings()
+    """Errors of the GNSS receivers of both vehicles."""
     risk: RiskSettings = RiskSettings()
+    """Thresholds of the alarms."""
 
 
 def run(out_dir: Path, settings: AlarmSettings | None, workers: Workers) -> str:

@@ -63,15 +63,21 @@ class FollowingSettings(Settings):
     files: tuple[Path, ...] = Field(min_length=1)
     """Recordings of cars in one lane, the first one ahead."""
     seeds: Several[int] = (1,)
+    """Each recording is run with each of them."""
     profiles: Several[str] = tuple(SENSOR_PROFILES)
+    """Sensors of the host vehicle, by the name of their profile."""
     brakings: int = Field(10, ge=0)
     """In each run."""
     speed_m_s: float = Field(20.0, gt=2.0)
+    """Of both vehicles before one brakes."""
     gaps_m: tuple[float, float] = (12.0, 22.0)
     """The gaps are uniform between these."""
     braking_m_s2: float = Field(6.0, gt=0.0)
+    """Deceleration of the vehicle that brakes."""
     receivers: ReceiverSettings = ReceiverSettings()
+    """Errors of the GNSS receiver of the host vehicle."""
     risk: RiskSettings = RiskSettings()
+    """Thresholds of the alarms."""
 
 
 def run(out_dir: Path, settings: FollowingSettings | None, workers: Workers) -> str:

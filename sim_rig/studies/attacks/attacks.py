@@ -61,9 +61,13 @@ class AttacksSettings(Settings):
     """One campaign; a run is one attack by some insiders."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws, together with the number of the run."""
     attacks: Several[AttackKind] = tuple(AttackKind)
+    """What the insiders claim."""
     insiders: Several[int] = (1, 2, 3, 4, 5)
+    """Numbers of insiders."""
     seconds: float = Field(60.0, ge=30.0, le=7200.0)
+    """Duration of a run."""
     runs: int = Field(1, ge=1)
     """Of each case, with other keys, draws and times."""
     unchecked: bool = True

@@ -47,10 +47,13 @@ class LinkerSettings(Settings):
     """One campaign; a run is one silence."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws, together with the number of the run."""
     scene: SceneSource = SceneName.CITY
+    """Whose traffic is followed: a scene of the MVS studies, or a file."""
     changes: int = Field(20, ge=1)
     """At times spread over the recording."""
     silences_s: Several[float] = (0.0, 1.0, 3.0, 10.0, 30.0)
+    """For how long no vehicle sends after the change."""
 
 
 def run(out_dir: Path, settings: LinkerSettings | None, workers: Workers) -> str:

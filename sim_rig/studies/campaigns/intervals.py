@@ -1,19 +1,29 @@
-"""95 % intervals of shares: of independent events, and of events in clusters."""
+"""95 % intervals: of a mean, and of shares of independent events and of events in clusters."""
 
 import math
 from collections.abc import Hashable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-_Z_95 = 1.96
+Array = NDArray[np.float64]
+
+Z_95 = 1.96
+"""97.5 % quantile of the normal distribution."""
 _RESAMPLES = 4000
+
+
+def half_interval(samples: Array) -> Array:
+    """Half of the 95 % interval of the mean over the last axis, which has at least two samples."""
+    half: Array = Z_95 * samples.std(axis=-1, ddof=1) / math.sqrt(samples.shape[-1])
+    return half
 
 
 def wilson(p: float, n: int) -> tuple[float, float, float]:
     """A share `p` of n, limited to 0 to 1, and Wilson's 95 % interval of its probability."""
     p = min(max(p, 0.0), 1.0)
-    middle = (p + _Z_95**2 / (2 * n)) / (1 + _Z_95**2 / n)
-    half = _Z_95 * math.sqrt(p * (1 - p) / n + _Z_95**2 / (4 * n * n)) / (1 + _Z_95**2 / n)
+    middle = (p + Z_95**2 / (2 * n)) / (1 + Z_95**2 / n)
+    half = Z_95 * math.sqrt(p * (1 - p) / n + Z_95**2 / (4 * n * n)) / (1 + Z_95**2 / n)
     return p, middle - half, middle + half
 
 

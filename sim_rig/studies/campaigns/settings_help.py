@@ -23,10 +23,10 @@ def settings_as_yaml(schema: type[BaseModel]) -> str:
 
 def _lines(schema: type[BaseModel], indent: str, given: BaseModel | None) -> Iterator[str]:
     """Yield the lines of one section, whose values are those of `given`, or else the defaults."""
-    meanings = _meanings(schema)
+    texts = meanings(schema)
     for name, field in schema.model_fields.items():
         allowed = ", ".join(map(str, _choices(field.annotation)))
-        for text in (meanings.get(name), allowed and f"Of: {allowed}"):
+        for text in (texts.get(name), allowed and f"Of: {allowed}"):
             yield from _comment(text or "", indent)
         value = (
             field.get_default(call_default_factory=True) if given is None else getattr(given, name)
@@ -61,9 +61,9 @@ def _choices(annotation: Any) -> list[object]:
     return [choice for part in get_args(annotation) for choice in _choices(part)]
 
 
-def _meanings(schema: type[BaseModel]) -> dict[str, str]:
+def meanings(schema: type[BaseModel]) -> dict[str, str]:
     """Return the text below each field, in the sources of the class and of its bases."""
-    meanings: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for each in reversed(schema.__mro__):
         if not issubclass(each, BaseModel) or not each.__annotations__ or each is BaseModel:
             continue
@@ -75,7 +75,7 @@ def _meanings(schema: type[BaseModel]) -> dict[str, str]:
                     ast.AnnAssign(target=ast.Name(id=name)),
                     ast.Expr(value=ast.Constant(value=str(text))),
                 ):
-                    meanings[name] = text
+                    texts[name] = text
                 case _:
                     pass
-    return meanings
+    return texts

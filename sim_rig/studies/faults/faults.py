@@ -54,6 +54,7 @@ class FaultsSettings(Settings):
     """One run of the study."""
 
     seeds: Several[Annotated[int, Field(ge=0)]] = (1, 2, 3)
+    """Each case is run with each of them."""
     cases: tuple[Annotated[str, AfterValidator(_fault)], ...] = ()
     """Names of faults; empty for all."""
 

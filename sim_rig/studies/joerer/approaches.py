@@ -59,8 +59,11 @@ class JoererSettings(Settings):
     """One run of the study."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws."""
     traffic: TrafficSettings = TrafficSettings()
+    """The two cars that approach."""
     radio: BeaconSettings = BeaconSettings()
+    """Which beacons are received."""
     merging_angle_deg: float = Field(30.0, ge=5.0, le=85.0)
     """Of the Y crossing."""
     merged_m: float = Field(15.0, gt=0.0)

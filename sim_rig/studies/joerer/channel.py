@@ -55,12 +55,15 @@ class JoererChannelSettings(Settings):
     """One campaign; a run is a range of starting distances, the first also on the channel."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws, together with the number of the run."""
     traffic: TrafficSettings = TrafficSettings()
+    """The two cars that approach; `start_m` below replaces its own."""
     start_m: Several[Range] = ((100.0, 250.0), (50.0, 100.0), (100.0, 150.0), (200.0, 400.0))
     """Ranges of the initial distance from the middle of the crossing."""
     houses_from_m: Several[Annotated[float, Field(gt=0.0)] | None] = (None, 10.0)
     """From the middle of either road to the houses at the four corners; null for none."""
     radio: BeaconSettings = BeaconSettings()
+    """Reception by power alone, as in the paper's Table II."""
     channel: CsmaSettings = CsmaSettings(
         data_rate_mbit_s=18,
         tx_power_dbm=13.0,
@@ -70,9 +73,11 @@ class JoererChannelSettings(Settings):
     )
     """Table II, with Rayleigh fading."""
     beacon_bytes: int = Field(300, gt=0)
+    """Length of a beacon without the headers of the channel."""
     other_stations: Several[Annotated[int, Field(ge=0)]] = (0, 40)
     """Standing stations on the four roads that send a beacon every 0.1 s."""
     other_stations_within_m: float = Field(200.0, gt=0.0)
+    """Largest distance of the other stations from the middle of the crossing."""
     last_s: float = Field(4.0, gt=0.0)
     """Only this long before a crash are beacons counted."""
     channel_crashes: int = Field(50, ge=1)

@@ -19,15 +19,21 @@ class BeaconSettings(Settings):
     """Table II, and the positions of the buildings."""
 
     frequency_hz: float = Field(5.89e9, gt=0.0)
+    """Of the carrier."""
     transmit_power_w: float = Field(0.020, gt=0.0)
+    """Of each beacon."""
     sensitivity_dbm: float = -94.0
+    """Least received power at which a beacon is received."""
     per_wall_db: float = Field(9.0, ge=0.0)
+    """Loss of each wall that the line of sight cuts."""
     per_metre_db: float = Field(0.4, ge=0.0)
+    """Loss of each metre of the line of sight inside of a building."""
     setback_m: float = Field(10.0, ge=0.0)
     """From the middle of the crossing to the nearest walls, along either road."""
     building_m: float = Field(30.0, ge=0.0)
     """Length of a building along either road; there is one at each corner."""
     intervals_s: tuple[float, ...] = (1.0, 0.5, 0.1, 0.04)
+    """Between two beacons of a car; each is evaluated."""
 
 
 def is_received(distance_m: Array, settings: BeaconSettings) -> NDArray[np.bool_]:

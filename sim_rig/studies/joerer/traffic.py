@@ -22,12 +22,17 @@ class TrafficSettings(Settings):
     """Table I, and what the paper leaves open."""
 
     approaches: int = Field(5000, ge=1, le=100_000)
+    """Number of approaches of two cars."""
     step_s: float = Field(0.005, gt=0.0, le=0.02)
+    """Of the simulation."""
     ticks_every: int = Field(4, ge=1)
     """Steps between two recorded states."""
     near_crash_m: float = Field(0.4, ge=0.0)
+    """Cars that come as near as this without a contact are a near crash."""
     length_m: float = Field(5.0, gt=0.0)
+    """Of each car."""
     width_m: float = Field(1.75, gt=0.0)
+    """Of each car."""
     top_speed_m_s: tuple[float, float] = (13.89, 2.92)
     """Mean and standard deviation."""
     desired_deceleration_m_s2: tuple[float, float] = (3.47, 2.76)
@@ -36,8 +41,11 @@ class TrafficSettings(Settings):
     """Truncation of both distributions: the paper's largest step of 8.405 cm is that of 16.81 m/s,
     which is one standard deviation above the mean."""
     acceleration_m_s2: float = Field(2.1, gt=0.0)
+    """a of the IDM."""
     hardest_deceleration_m_s2: float = Field(9.55, gt=0.0)
+    """Limit of the braking."""
     ignoring: float = Field(0.5, ge=0.0, le=1.0)
+    """Share of the second cars that ignore the right of way."""
 
     start_m: tuple[float, float] = (100.0, 250.0)
     """Range of the initial distance from the middle of the crossing."""

@@ -32,6 +32,7 @@ from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
+from sim_rig.studies.campaigns.intervals import half_interval
 from sim_rig.studies.campaigns.results import write_results
 from sim_rig.studies.lcca.platoon_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
 from sim_rig.studies.lcca.platoon_sight import (
@@ -56,9 +57,11 @@ class ChainSettings(Settings):
     """One campaign; a run is one platoon under one share of radios."""
 
     seed: int = Field(1, ge=0)
+    """Of the first platoons; each further one of a length has the next."""
     runs: int = Field(200, ge=1)
     """Platoons of each length."""
     cars: Several[Annotated[int, Field(ge=2, le=999)]] = (5, 10, 20)
+    """Numbers of cars in a platoon."""
     shares: Several[Share] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Shares of the cars with a radio."""
     sights: Several[Sight] = ("unlimited", "recommended", "rig")
@@ -67,25 +70,33 @@ class ChainSettings(Settings):
     reaction_medians_s: Several[Positive] = (1.0, 1.5)
     """Medians of the log-normal reaction time without a warning."""
     reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
+    """Standard deviation of the logarithm of that time."""
     warned_median_s: float = Field(0.9, gt=0.0, le=5.0)
+    """Median of the log-normal reaction time after a warning."""
     warned_sigma: float = Field(0.3, ge=0.0, le=1.5)
+    """Standard deviation of the logarithm of that time."""
     speed_m_s: Span[Positive] = (22.0, 32.0)
+    """Range of the speed of a platoon; it is uniform."""
     headway_s: Span[Positive] = (0.8, 1.8)
     """Bumper to bumper; all gaps are below the safety distance of LCCA."""
     deceleration_m_s2: Span[Positive] = (5.0, 8.0)
+    """Range of the deceleration of a car; it is uniform."""
     detection_s: float = Field(0.3, ge=0.0, le=2.0)
     """Time from the start of braking to its detection by the car itself."""
     reach_m: float = Field(300.0, gt=0.0)
+    """Range of a radio."""
     loss: float = Field(0.1, ge=0.0, lt=1.0)
+    """Probability that a receiver in range loses a message."""
     csma: CsmaSettings | None = None
+    """The 802.11p channel; replaces `reach_m` and `loss`, and all radios send BSMs too."""
     sidelink: SidelinkSettings | None = None
     """C-V2X, where `csma` is not given."""
-    """The 802.11p channel; replaces `reach_m` and `loss`, and all radios send BSMs too."""
     background_traffic: int = Field(0, ge=0, le=1000)
     """With the channel: cars that only send BSMs, up to half a kilometre before and behind."""
     forming_s: float = Field(4.0, ge=1.0, le=30.0)
     """Time before the braking in which the warning groups form."""
     lcca: LccaSettings = LccaSettings()
+    """The warning group."""
 
 
 Case = tuple[float, int, Sight, float]
@@ -382,7 +393,7 @@ def _line(case: Case, rows: Sequence[Row]) -> _Line:
     mine = at(share)
     crashes, none = [row["crashes"] for row in mine], [row["crashes"] for row in at(0.0)]
     events = sum(row["events"] for row in mine)
-    error = 1.96 * np.std(crashes, ddof=1) / math.sqrt(len(crashes)) if len(crashes) > 1 else 0.0
+    error = half_interval(np.array(crashes)) if len(crashes) > 1 else 0.0
 
     low, high = _reduction_interval(crashes, none)
     followers = sum(row["followers"] for row in mine)

@@ -55,8 +55,11 @@ class FalseIdentitySettings(Settings):
     """One campaign; a run is one drive with `CHANGES_A_RUN` vehicles ahead."""
 
     seed: int = Field(1, ge=0)
+    """Of the first drive; each further one of a case has the next."""
     runs: int = Field(500, ge=1)
+    """Drives of each case."""
     vehicles: int = Field(200, ge=2, le=500)
+    """Number of vehicles in range, of which one after the other is ahead."""
     fleet: int = Field(50, ge=0, le=500)
     """Vehicles with consecutive plates."""
     stream: Share = 0.3
@@ -64,12 +67,15 @@ class FalseIdentitySettings(Settings):
     radios: Several[Share] = (1.0, 0.5)
     """Shares of the vehicles with a radio."""
     insiders: Several[Insider] = (Insider.NONE,)
+    """What the insider does who knows every plate."""
     loss: Share = 0.1
     """Share of the answers that are lost."""
     plate_px: Span[float] = (28.0, 60.0)
+    """Range of the width of the plate in the image, in pixels; it is uniform."""
     seconds: float = Field(6.0, ge=2.0, le=60.0)
     """Time with one vehicle ahead."""
     region: Literal["us", "eu", "br"] = "eu"
+    """Whose patterns of plates are drawn."""
 
 
 Case = tuple[float, Insider]

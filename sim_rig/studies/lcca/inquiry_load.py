@@ -46,12 +46,15 @@ class InquiryLoadSettings(Settings):
     """One campaign; a run is one case."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws."""
     cars: int = Field(60, ge=2, le=300)
+    """Number of cars in a line, all in range of each other."""
     apart_m: float = Field(8.0, gt=0.0)
     """Between two cars along the road."""
     seconds: float = Field(5.0, ge=2.0, le=60.0)
     """All begin to ask in the first 0.1 s."""
     csma: CsmaSettings = CsmaSettings()
+    """The 802.11p channel."""
 
 
 def run(out_dir: Path, settings: InquiryLoadSettings | None, workers: Workers) -> str:

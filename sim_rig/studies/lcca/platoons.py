@@ -40,9 +40,13 @@ class PlatoonSettings(Settings):
     """Recordings: trace files whose cars drive one after the other in one lane, the first one
     ahead, or files of OpenACC."""
     seeds: Several[int] = (1,)
+    """Each recording is run with each of them."""
     up_to_m: float = Field(25.0, gt=0.0)
+    """Gap up to which a follower has to be a member."""
     lens: LensSettings = RECOMMENDED_LENS
+    """Of every car's camera."""
     ecu: EcuSettings = EcuSettings()
+    """How the control unit of a car answers the requests for its speed."""
     loss: float = Field(0.1, ge=0.0, lt=1.0)
     """Of messages on the air; their reach is 300 m."""
 

@@ -72,6 +72,7 @@ class AblationSettings(Settings):
     runs: int = Field(100, ge=1)
     """Events of each kind."""
     kinds: Several[TrafficEventKind] = tuple(TrafficEventKind)
+    """Kinds of events."""
     share: Share = 0.4
     """Share of cars with a radio."""
     profiles: Several[Annotated[str, AfterValidator(_is_profile)]] = (
@@ -85,6 +86,7 @@ class AblationSettings(Settings):
     )
     """Sensors; the paper's alarm is evaluated with the first, for warned drivers."""
     drivers: Several[Driver] = tuple(Driver)
+    """Who acts on an alarm."""
     unaffected_every: int = Field(10, ge=1, le=100)
     """As of `mvs-figure9`."""
     encounter: EncounterSettings = EncounterSettings(scenes=(SceneName.CITY,))

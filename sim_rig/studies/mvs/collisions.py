@@ -43,10 +43,13 @@ class CollisionSettings(Settings):
     """One campaign."""
 
     seed: int = Field(1, ge=0)
+    """Number of the first event; each further event has the next."""
     runs: int = Field(500, ge=1)
     """Events of each kind."""
     kinds: Several[TrafficEventKind] = tuple(TrafficEventKind)
+    """Kinds of events."""
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
+    """Shares of the cars with a radio."""
     methods: Several[Method] = (Method.DSRC, Method.OWN, Method.MVS)
     """At every share."""
     compared_at: float | None = Field(default=_MOST_COMPARED, gt=0.0, le=1.0)
@@ -58,6 +61,7 @@ class CollisionSettings(Settings):
     are run with radios only once in so many, with that many times the weight: they show what
     warnings cause."""
     encounter: EncounterSettings = EncounterSettings()
+    """What all runs have in common."""
 
 
 class Figure3Settings(CollisionSettings):

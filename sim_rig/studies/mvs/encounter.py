@@ -79,8 +79,11 @@ class EncounterSettings(Settings):
     onset_delay_s: float = Field(0.0, ge=0.0, le=10.0)
     """Of `Method.ONSET`."""
     reactions: ReactionSettings = ReactionSettings()
+    """How drivers react to events and warnings."""
     world: WorldProfile = WorldSettings()
+    """Sensors and radios, or the name of a profile of sensors."""
     risk: RiskSettings = RiskSettings()
+    """Thresholds of the alarms."""
     lcca: LccaSettings = LccaSettings()
     """Of cars whose sensors read plates."""
     brake_request: BrakeRequestSettings | None = None

@@ -24,6 +24,7 @@ from onboard.tracking.independent_set import independent
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
+from sim_rig.studies.campaigns.intervals import half_interval
 from sim_rig.studies.campaigns.results import write_results
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource, available_scene, open_scene
 from sim_rig.studies.mvs.world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
@@ -42,17 +43,25 @@ class SharingSettings(Settings):
     """One campaign; a run is one seed with one method, M and share."""
 
     seed: int = Field(1, ge=0)
+    """The first seed."""
     seeds: int = Field(3, ge=1)
+    """Runs of each method, M and share, each with the next seed."""
     scene: SceneSource = SceneName.CROSSING
+    """Whose traffic is simulated: the name of a scene, or a file."""
     shares: Several[Share] = (0.1, 0.2, 0.3, 0.4)
+    """Shares of the cars with a radio."""
     entries: Several[FooterSize] = (5, 10, 20)
     """M."""
     methods: Several[Selection] = tuple(Selection)
+    """How cars choose what they share."""
     warm_s: float = Field(1.5, ge=0.0, le=60.0)
+    """Time in which radios are on before anything is counted."""
     measured_s: float = Field(0.5, gt=0.0, le=300.0)
+    """Time in which is counted."""
     begin_s: Span[NotNegative] = (60.0, 240.0)
     """The evaluated part of the scene begins between these, by seed."""
     world: WorldSettings = WorldSettings()
+    """Sensors and radios."""
 
 
 class Table1Settings(SharingSettings):
@@ -303,7 +312,7 @@ def _mean_and_error(
         for row in rows
         if (row["method"], row["entries"], row["share"]) == (method.value, entries, share)
     ]
-    error = 1.96 * np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+    error = half_interval(np.array(values)) if len(values) > 1 else np.nan
     return float(np.mean(values)), float(error)
 
 

@@ -54,6 +54,7 @@ class WorldSettings(Settings):
     senses: bool = True
     """Whether cars with a radio have sensors."""
     sensing_range_m: float = Field(60.0, gt=0.0)
+    """Range of the sensors."""
     view_deg: float = Field(360.0, gt=0.0, le=360.0)
     """Field of view, centred straight ahead."""
     rear_only: bool = False
@@ -61,14 +62,17 @@ class WorldSettings(Settings):
     detection: float = Field(0.95, ge=0.0, le=1.0)
     """Probability that a car in view is detected in one tick."""
     range_sigma_m: float = Field(0.4, ge=0.0)
+    """Standard deviation of a range at 0 m."""
     range_sigma_per_m: float = Field(0.01, ge=0.0)
     """Added to it, for each metre of range; one of both is above 0."""
     bearing_sigma_rad: float = Field(0.01, gt=0.0)
+    """Standard deviation of a bearing."""
     range_rate_sigma_m_s: float | None = Field(None, gt=0.0)
     """Error of the range rate; without it none is measured."""
     plate_lens: LensSettings | None = None
     """Lens of a camera that reads plates, with which cars run LCCA (`mvs_lcca.py`)."""
     position_sigma_m: float = Field(0.4, gt=0.0)
+    """Standard deviation of a fix, on each horizontal axis."""
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
     """Of each component of the velocity; the error of the course follows from it."""
     bus_speed_step_m_s: float = Field(KM_H, gt=0.0)
@@ -78,9 +82,9 @@ class WorldSettings(Settings):
     loss: float = Field(0.0, ge=0.0, le=1.0)
     """Probability that one receiver in range loses a message."""
     csma: CsmaSettings | None = None
+    """The 802.11p channel; replaces `reach_m` and `loss`."""
     sidelink: SidelinkSettings | None = None
     """C-V2X, where `csma` is not given."""
-    """The 802.11p channel; replaces `reach_m` and `loss`."""
     blocker_radius_m: float = Field(0.9, ge=0.0)
     """A car occludes what lies behind a disc of this radius."""
 

@@ -92,13 +92,16 @@ class RadioSettings(Settings):
     model: Literal["csma", "sidelink"] = "csma"
     """802.11p, or C-V2X in mode 4; below, what is of 802.11p only has no effect on C-V2X."""
     cars: int = Field(100, ge=2, le=2_000)
+    """Number of cars in a line."""
     spacing_m: float = Field(10.0, gt=0.0, le=1_000.0)
+    """Between two cars."""
     loss: Annotated[str, AfterValidator(_checked_loss)] = "dual-slope"
     """`log-distance[:EXPONENT[:DB_AT_1_M]]`, `dual-slope[:NEAR[:FAR[:BREAK_M[:DB_AT_1_M]]]]` or
     `two-ray[:ANTENNA_M[:GHZ]]`."""
     fading: Annotated[str, AfterValidator(_checked_fading)] = "none"
     """`none`, `rayleigh` or `nakagami:M`."""
     seeds: int = Field(20, ge=1)
+    """Number of runs, each with the next seed."""
     seed: int = Field(1, ge=0)
     """The first seed."""
     seconds: float = Field(4.8, gt=0.0, le=600.0)
@@ -106,16 +109,23 @@ class RadioSettings(Settings):
     warm_s: float = Field(1.0, ge=0.0, le=60.0)
     """Frames queued before this time are not counted."""
     interval_s: float = Field(0.1, gt=0.0, le=10.0)
+    """Between two frames of a car, without the jitter."""
     jitter_s: float = Field(0.001, ge=0.0, le=10.0)
     """Added to each interval, uniform from 0 to this."""
     payload_bytes: int = Field(250, ge=1, le=2_000)
+    """Length of a message without the headers of the channel."""
     user_priority: int = Field(5, ge=0, le=7)
     """5 belongs to AC_VI, 7 to AC_VO."""
     data_rate_mbit_s: Literal[3, 6, 9, 12, 18, 24, 27] = 6
+    """Of all frames, in a 10 MHz channel."""
     tx_power_dbm: float = Field(20.0, ge=-10.0, le=40.0)
+    """Transmit power at the antenna."""
     noise_figure_db: float = Field(7.0, ge=0.0, le=30.0)
+    """Noise that the receiver adds to the thermal noise."""
     preamble_snr_db: float = Field(4.0, ge=-10.0, le=30.0)
+    """Least SINR at which a preamble is detected."""
     preamble_dbm: float = Field(-95.0, ge=-120.0, le=0.0)
+    """Least received power at which a preamble is detected."""
     sensitivity_dbm: float = Field(-104.0, ge=-140.0, le=0.0)
     """ns-3 halves the -101 dBm of 20 MHz for a 10 MHz channel."""
     energy_detection_dbm: float = Field(-88.0, ge=-120.0, le=0.0)

@@ -54,6 +54,7 @@ class ChannelTraffic(Settings):
     """What the cars of the highway send."""
 
     name: str
+    """What table and figure call it."""
     beacon_bytes: int = Field(gt=0, le=2_000)
     """Length of a signed BSM, with the MVS footer if there is one."""
     warns: bool = False
@@ -64,19 +65,26 @@ class RakhshanCsmaSettings(Settings):
     """One campaign; a run is one highway with every traffic and pair of intervals."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws, together with the number of the run."""
     drops: int = Field(60, ge=4)
+    """Highways, at least 4: one half selects the best pair of intervals, the other evaluates it."""
     intervals_s: Several[Positive] = (0.1, 0.3, 0.6)
     """For safe and unsafe cars, in all pairs; all within the limits of SAE J2945/1."""
     traffics: Several[ChannelTraffic] = (
         ChannelTraffic(name="BSM with MVS", beacon_bytes=500),
         ChannelTraffic(name="BSM with MVS, LCCA", beacon_bytes=500, warns=True),
     )
+    """What the cars of the highway send; all are run."""
     background_traffic: Several[Annotated[int, Field(ge=0)]] = (0, 100)
     """Cars beside the highway that send a beacon every 0.1 s."""
     background_within_m: float = Field(300.0, gt=0.0)
+    """Largest distance of the background traffic from the middle of the highway, along it."""
     warning_bytes: int = Field(200, gt=0)
+    """Length of a signed warning."""
     warning_repeats: int = Field(10, ge=0)
+    """How often a car repeats its warning."""
     warning_every_s: float = Field(0.1, gt=0.0)
+    """Between two repetitions."""
     warm_s: float = Field(0.3, ge=0.0)
     """Time before the first braking in which all cars send."""
     lanes_apart_s: float = Field(0.1, ge=0.0)
@@ -84,7 +92,9 @@ class RakhshanCsmaSettings(Settings):
     longest_s: float = Field(6.0, gt=0.0)
     """Latest time at which a car is informed; used for those that no message reaches."""
     channel: CsmaSettings = CsmaSettings(nakagami_m=1.0)
+    """The 802.11p channel; the default has Rayleigh fading."""
     highway: RakhshanHighwaySettings = RakhshanHighwaySettings()
+    """The paper's highway, and what it leaves open."""
 
 
 def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:

@@ -27,11 +27,15 @@ class DriversSettings(Settings):
     """Number of drivers and reactions."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws."""
     drivers: int = Field(100, ge=10)
+    """Number of drivers."""
     reactions: int = Field(20, ge=3)
     """Reactions of each driver."""
     least_headway_s: float = Field(0.5, gt=0.0)
+    """Shortest time headway."""
     most_headway_s: float = Field(3.0, gt=0.0)
+    """Longest time headway."""
     one_drivers_reactions: int = Field(15, ge=1)
     """Observed reactions of the driver of figure 7."""
 

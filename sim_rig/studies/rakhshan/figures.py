@@ -47,6 +47,7 @@ class RakhshanSettings(Settings):
     """Number of drops, access probabilities, and the highway."""
 
     seed: int = Field(1, ge=0)
+    """Of all draws."""
     drops: int = Field(4000, ge=4)
     """A drop is one realisation of all lanes. One half selects the best probabilities, the other
     evaluates them."""
@@ -54,7 +55,9 @@ class RakhshanSettings(Settings):
         0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05,
         0.06, 0.08, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5,
     )  # fmt: skip
+    """Access probabilities, in all pairs for safe and unsafe cars."""
     highway: RakhshanHighwaySettings = RakhshanHighwaySettings()
+    """The paper's highway, and what it leaves open."""
 
 
 FULL = RakhshanSettings()

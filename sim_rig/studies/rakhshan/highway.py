@@ -19,6 +19,7 @@ from onboard.access.crash_probability import rear_end_crash_probability
 from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.access.rear_end import Array, tolerable_lag_s
 from onboard.settings import Settings
+from sim_rig.studies.campaigns.intervals import half_interval
 from sim_rig.studies.rakhshan.chain import Relay, lane_links, reception_delay_s, without_radio_s
 from sim_rig.studies.rakhshan.collisions import CarBraking, hits_in_pile_up
 from sim_rig.studies.rakhshan.slotted import (
@@ -63,21 +64,32 @@ class RakhshanHighwaySettings(Settings):
     """Table III, and what it leaves open."""
 
     lanes: int = Field(4, ge=1)
+    """Number of lanes; the first car of each brakes."""
     cars_per_lane: int = Field(10, ge=3)
+    """Number of cars in a lane."""
     speed_m_s: float = Field(20.0, gt=0.0)
+    """Of all cars before they brake."""
     deceleration_low_m_s2: float = Field(4.0, gt=0.0)
+    """Least deceleration of a car."""
     deceleration_high_m_s2: float = Field(8.0, gt=0.0)
     """Each car's deceleration is uniform from low to high."""
     threshold_db: float = 11.0
     """Signal to interference ratio required at 9 Mbit/s (Table II)."""
     data_rate_mbit_s: float = Field(9.0, gt=0.0)
+    """Of the channel."""
     packet_bytes: int = Field(250, gt=0)
+    """Length of a packet, whose duration is that of a slot."""
 
     path_loss_exponent: float = Field(3.0, gt=1.0)
+    """alpha of the path loss r^-alpha."""
     spacing: Spacing = Spacing.EXPONENTIAL
+    """Distribution of the gaps about their mean."""
     mean_gap_m: float = Field(20.0, gt=0.0)
+    """Mean gap, bumper to bumper."""
     least_gap_m: float = Field(2.0, gt=0.0)
+    """Least gap, bumper to bumper."""
     car_length_m: float = Field(4.5, ge=0.0)
+    """Of each car."""
     reaction_factor: float = Field(1.0, gt=0.0)
     """Multiplies all reaction times."""
     unsafe_threshold: float = Field(0.5, gt=0.0, lt=1.0)
@@ -89,7 +101,9 @@ class RakhshanHighwaySettings(Settings):
     random_waits: bool = False
     """Draw each link's waiting time instead of using its mean."""
     relay: Relay = Relay.ANY
+    """How a car that relays the information got it."""
     labels: Labels = Labels.PROBABILITY
+    """What makes a car unsafe."""
     first_car: Literal["as the others", "safe", "unsafe"] = "as the others"
     """Label of the first cars; as the others, by a car ahead of them that is not simulated."""
     iteration_s: float | None = Field(None, gt=0.0)
@@ -289,8 +303,7 @@ def collision_share_with_perfect_radio(drops: Drops) -> Array:
 def mean_and_error(samples: Array) -> tuple[Array, Array]:
     """Mean over the last axis, and half of its 95 % confidence interval."""
     mean: Array = samples.mean(axis=-1)
-    error: Array = 1.96 * samples.std(axis=-1, ddof=1) / math.sqrt(samples.shape[-1])
-    return mean, error
+    return mean, half_interval(samples)
 
 
 def reduction_and_error(samples: Array, reference: Array) -> tuple[float, float]:
@@ -302,7 +315,7 @@ def reduction_and_error(samples: Array, reference: Array) -> tuple[float, float]
         return 0.0, 0.0
     ratio = samples.mean() / reference.mean()
     residual = samples - ratio * reference
-    error = 1.96 * residual.std(ddof=1) / math.sqrt(len(samples)) / reference.mean()
+    error = half_interval(residual) / reference.mean()
     return float(1.0 - ratio), float(error)
 
 

@@ -53,7 +53,9 @@ class ReadingsSettings(Settings):
     """One campaign; a run is one reading."""
 
     seed: int = Field(1, ge=0)
+    """Of the sequence of readings, and of the highways of each."""
     runs: int = Field(512, ge=2)
+    """Number of readings; every other one has longer slots than the paper's."""
     drops: int = Field(100, ge=4)
     """Highways of a reading; one half selects the best probabilities, the other evaluates them."""
     repeated: int = Field(3, ge=0)
@@ -61,6 +63,7 @@ class ReadingsSettings(Settings):
     repeated_drops: int = Field(400, ge=4)
     """Other highways than before, once more with random labels."""
     access: Several[float] = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.15, 0.3)
+    """Access probabilities, in all pairs for safe and unsafe cars; one is the paper's optimum."""
     highway: RakhshanHighwaySettings = RakhshanHighwaySettings()
     """What the paper states."""
 

@@ -1,8 +1,11 @@
 """Invalid settings of studies are errors before anything runs."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import pytest
+from pydantic import BaseModel
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
@@ -13,6 +16,7 @@ from sim_rig.studies.campaigns.catalogue import (
     study_names,
     study_settings,
 )
+from sim_rig.studies.campaigns.settings_help import meanings
 from sim_rig.studies.faults.faults import FaultsSettings
 from sim_rig.studies.mvs.collisions import CollisionSettings, cases
 from sim_rig.studies.mvs.encounter import Method
@@ -83,6 +87,35 @@ def test_the_help_of_a_study_says_what_a_setting_means_and_allows() -> None:
     assert lines[lines.index("runs: 500") - 1] == "# Events of each kind."
     assert "# Of: none, dsrc, own, mo, rs, mvs, onset" in lines
     assert "  near_m: 80.0" in lines
+
+
+def schemas_in(annotation: object) -> Iterator[type[BaseModel]]:
+    """The settings that a value of this type holds, with those inside them."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        for field in annotation.model_fields.values():
+            yield from schemas_in(field.annotation)
+    for part in get_args(annotation):
+        yield from schemas_in(part)
+
+
+@pytest.mark.parametrize("study", study_names())
+def test_every_setting_of_a_study_has_a_text(study: str) -> None:
+    bare = [
+        f"{schema.__name__}.{name}"
+        for schema in schemas_in(settings_schema(study))
+        for name in schema.model_fields
+        if not meanings(schema).get(name)
+    ]
+
+    assert not bare
+
+
+def test_a_text_stands_below_its_own_setting() -> None:
+    lines = study_settings("lcca-chain").splitlines()
+
+    assert "`reach_m` and `loss`" in lines[lines.index("csma: null") - 1]
+    assert lines[lines.index("sidelink: null") - 1] == "# C-V2X, where `csma` is not given."
 
 
 def test_a_world_may_be_given_by_the_name_of_its_sensors() -> None:
