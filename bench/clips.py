@@ -1,4 +1,4 @@
-"""Answers of `onboard see` on dashcam clips, beside what a person sees in them.
+"""Answers on dashcam clips by the schedule of a car, beside what a person sees in them.
 
 `python -m bench clips` prints the figures, `python -m bench.clips` writes the table into
 `docs/vision.md`. The clips are not part of the repository (`RIG_DATA` names their folder).
@@ -15,7 +15,7 @@ lane only.
 import csv
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,7 +25,6 @@ from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import ImageBox, Lead, LeadIdentity
 from onboard.tools.see.annotated_frame import AnnotatedFrame, annotate_frames
-from onboard.tools.see.cli import EVERY_FRAME
 from onboard.tools.see.score import overlap
 from onboard.vision.networks import load_perception
 from onboard.vision.perception import Perception
@@ -35,6 +34,8 @@ from onboard.vision.settings import VisionSettings
 LABELS = Path(__file__).with_name("clip_labels.csv")
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 WITHIN_60_M = frozenset({"<30", "30-60"})
+CAMERA_FPS = 15.0
+"""Frames a second of a camera in a car."""
 GHOST_M = 30.0
 """Gap below which a lead without a vehicle is counted as a ghost."""
 ABSURD_S, ABSURD_M_S = 1.0, 40.0
@@ -149,7 +150,7 @@ def _is_ghost(lead: Lead, index: int, truth: Mapping[int, LabelledFrame]) -> boo
 
 
 def measured(*, vehicles: bool) -> dict[str, ClipTally]:
-    """Run each labelled clip as `onboard see` does, but for frames that no camera of a car gives.
+    """Run each labelled clip as the daemon does: some 15 pictures a second, its search schedule.
 
     Args:
         vehicles: whether vehicles are detected as such.
@@ -160,18 +161,16 @@ def measured(*, vehicles: bool) -> dict[str, ClipTally]:
     for clip, truth in labels().items():
         video = VideoFile(str(folder / "clips" / f"{clip}.mp4"), None)
         settings = VisionSettings(vehicles=vehicles)
-        perception = load_perception(None, settings, EVERY_FRAME)
-        tallies[clip] = score(_annotated(video, perception, sorted(truth)), truth)
+        perception = load_perception(None, settings)
+        tallies[clip] = score(_annotated(video, perception), truth)
     return tallies
 
 
-def _annotated(
-    video: VideoFile, perception: Perception, labelled: Sequence[int]
-) -> Iterator[AnnotatedFrame]:
-    """The labelled frames and two or three between them: some ten a second."""
-    apart = labelled[1] - labelled[0]
+def _annotated(video: VideoFile, perception: Perception) -> Iterator[AnnotatedFrame]:
+    """Every second frame of 25 or 30 a second; the labelled ones are among them."""
+    every = max(1, round(video.fps / CAMERA_FPS))
     for index, frame in enumerate(video):
-        if index % apart % max(1, apart // 3) == 0:
+        if index % every == 0:
             (annotated,) = annotate_frames([frame], perception)
             yield replace(annotated, index=index)
 

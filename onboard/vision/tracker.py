@@ -48,6 +48,9 @@ REAR_RIM, VEHICLE_RIM = 0.25, 0.5
 """Shares of a box's sides by which its plate, and the same vehicle a moment later, may be beside it
 in the image. Positions in metres do not part them: a sign over the road is as far as a vehicle that
 the image's border cuts, and with a guessed lens, far vehicles of all lanes are near each other."""
+RIM_PER_S = 1.0
+"""Growth of these shares while the track is not observed: it moves on unseen, but not to another
+place. Chosen, not fitted."""
 _OUTSIDE_GATE = 1e6
 
 
@@ -92,6 +95,10 @@ class Tracker:
             pairs += self._associate([s for s in on_vehicles if s.kind is kind], stamp_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
         return pairs
+
+    def drop_unseen(self, stamp_s: float) -> None:
+        """Drop the tracks without a detection in this frame, which shows another scene."""
+        self.tracks = [track for track in self.tracks if track.detected_at == stamp_s]
 
     def _is_on_a_vehicle(self, detection: Detection) -> bool:
         """Whether it is at the height of plates on vehicles, and not on a billboard."""
@@ -200,17 +207,16 @@ def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> boo
     kinds = detection.kind, track.last.kind
     if DetectionKind.VEHICLE not in kinds or DetectionKind.TAG in kinds:
         return False
-    if stamp_s - track.observed_at > SAME_PLACE_S:
-        return False
+    unseen_rim = RIM_PER_S * max(0.0, stamp_s - track.observed_at - SAME_PLACE_S)
     rear, other = detection.box, bounding_box(track.corners_px)
     if DetectionKind.PLATE not in kinds:
+        rim = VEHICLE_RIM + unseen_rim
         return not (
-            _contains_middle(rear, other, rim=VEHICLE_RIM)
-            or _contains_middle(other, rear, rim=VEHICLE_RIM)
+            _contains_middle(rear, other, rim=rim) or _contains_middle(other, rear, rim=rim)
         )
     if detection.kind is DetectionKind.PLATE:
         rear, other = other, rear
-    return not _contains_middle(rear, other, rim=REAR_RIM)
+    return not _contains_middle(rear, other, rim=REAR_RIM + unseen_rim)
 
 
 def _contains_middle(one: ImageBox, other: ImageBox, rim: float = 0.0) -> bool:

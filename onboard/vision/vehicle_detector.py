@@ -6,6 +6,7 @@ weighted by their inverse variances.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -69,7 +70,8 @@ class VehicleDetector:
         right, bottom = box.x_px + box.w_px, box.y_px + box.h_px
         ends = min(vehicle.end_px), max(vehicle.end_px)
         width_m, width_sigma = WIDTHS_M[vehicle.kind]
-        if box.x_px < _BORDER_PX or right > size[0] - _BORDER_PX:
+        is_cut = box.x_px < _BORDER_PX or right > size[0] - _BORDER_PX
+        if is_cut:
             ends, width_sigma = (box.x_px, right), CUT_WIDTH_SIGMA
         elif ends[1] - ends[0] < SIDE_SHARE * box.w_px:
             ends, width_sigma = (box.x_px, right), SIDE_WIDTH_SIGMA
@@ -84,7 +86,8 @@ class VehicleDetector:
         if not stands:
             width_sigma = max(width_sigma, NEAR_WIDTH_SIGMA)
         width = width_m, width_sigma
-        return _located(self._perspective, corners, width, edge_px, has_foot=stands)
+        found = _located(self._perspective, corners, width, edge_px, has_foot=stands)
+        return found if is_cut else replace(found, ahead_by_width_m=by_width_m)
 
 
 class VehicleBoxDetector:

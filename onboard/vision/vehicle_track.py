@@ -63,7 +63,9 @@ class VehicleTrack:
         self._has_only_plates = first.kind is DetectionKind.PLATE
         first = self._update_format(first)
         self._started_at = stamp_s
-        self._vehicle_at = stamp_s if first.kind is DetectionKind.VEHICLE else -math.inf
+        is_vehicle = first.kind is DetectionKind.VEHICLE
+        self._vehicle_at = stamp_s if is_vehicle else -math.inf
+        self._vehicles = int(is_vehicle)
         self._inconsistency = 1.0
         self.detected_at = stamp_s
         """Time of the last detection."""
@@ -113,10 +115,15 @@ class VehicleTrack:
         """Time from the first to the last detection."""
         return self.detected_at - self._started_at
 
+    def is_consistent(self, slack: float = 1.0) -> bool:
+        """Whether the detections are where a moving body would be; `slack` widens the bound."""
+        return self._inconsistency <= slack * MAX_INCONSISTENCY
+
     @property
-    def is_consistent(self) -> bool:
-        """Whether the detections are where a moving body would be."""
-        return self._inconsistency <= MAX_INCONSISTENCY
+    def width_ratio(self) -> float:
+        """Width of the last box at this gap, by that of its kind of vehicle; 1 if it is unknown."""
+        ahead_m = self.last.ahead_by_width_m
+        return 1.0 if ahead_m is None else self.ahead.position_m / ahead_m
 
     @property
     def has_settled(self) -> bool:
@@ -138,8 +145,12 @@ class VehicleTrack:
         return self.observed_at - self._vehicle_at <= VEHICLE_S
 
     def is_still_in_picture(self, stamp_s: float) -> bool:
-        """Whether it is part of the camera or of its picture, and no vehicle."""
-        return not self._is_found_vehicle and self.still_in_picture.is_still(stamp_s)
+        """Whether it is part of the camera or of its picture, and no vehicle.
+
+        One that is found as a vehicle for a moment, such as a stamp that one passes behind, is.
+        """
+        is_vehicle = self._is_found_vehicle and self._vehicles >= CONFIRM_DETECTIONS
+        return not is_vehicle and self.still_in_picture.is_still(stamp_s)
 
     @property
     def text(self) -> str | None:
@@ -222,6 +233,7 @@ class VehicleTrack:
             self.detections += 1
         if detection.kind is DetectionKind.VEHICLE:
             self._vehicle_at = stamp_s
+            self._vehicles += 1
         if detection.kind is not DetectionKind.VEHICLE or self.last.kind is DetectionKind.VEHICLE:
             self.last = detection
             self.corners_px = detection.corners_px

@@ -134,6 +134,45 @@ def test_a_plate_beside_a_vehicle_in_the_image_is_not_on_it() -> None:
     assert not any(track.has_vehicle for track in road.tracker.tracks if track.last is sign)
 
 
+def test_a_vehicle_beside_a_plate_that_was_not_seen_for_a_while_is_not_around_it() -> None:
+    """After 0.25 s anything as far was: a car 170 px away made a stamp the lead for 1.5 s."""
+    road = TrackedRoad(needs_vehicle=True)
+    stamp = replace(unread(20.0), corners_px=box_corners(460.0, 300.0, 20.0, 6.0))
+    car = replace(found_vehicle(20.5), corners_px=box_corners(630.0, 280.0, 60.0, 50.0))
+    road.steps(5, stamp)
+    (track,) = road.tracker.tracks
+    road.steps(4)
+
+    road.step(car)
+
+    assert not track.has_vehicle
+
+
+@pytest.mark.parametrize("ahead_m", [(20.0, 34.0), (12.0, 30.0)])
+def test_a_lead_whose_detections_leap_as_no_body_does_is_none(ahead_m: tuple[float, float]) -> None:
+    """A patch of shadow and a guard rail were: what was a lead once was not asked any more."""
+    road = TrackedRoad()
+    assert road.steps(5, found_vehicle(ahead_m[0])) is not None
+    (track,) = road.tracker.tracks
+
+    for leap_m in ahead_m[::-1] * 5:
+        road.stamp_s += STEP_S
+        track.predict(road.stamp_s)
+        track.update(found_vehicle(leap_m), road.stamp_s)
+        lead = road.choice.select([track], road.stamp_s)
+
+    assert lead is None
+
+
+@pytest.mark.parametrize(("by_width_m", "is_lead"), [(8.0, True), (6.7, True), (30.0, False)])
+def test_a_vehicle_is_as_wide_as_its_gap_says(by_width_m: float, is_lead: bool) -> None:
+    """A box of 26 px held a lead at 6.7 m."""
+    road = TrackedRoad()
+    found = replace(found_vehicle(6.7), ahead_by_width_m=by_width_m)
+
+    assert (road.steps(10, found) is not None) is is_lead
+
+
 def test_a_lead_that_is_missed_is_not_taken_for_the_vehicle_beside_it() -> None:
     """With a guessed lens, vehicles of all lanes may seem to be within one lane's width."""
     road = TrackedRoad(needs_vehicle=True)

@@ -86,6 +86,20 @@ def test_what_is_found_as_a_vehicle_is_never_still(kind: DetectionKind) -> None:
     assert (lead is track) is (kind is DetectionKind.VEHICLE)
 
 
+def test_a_stamp_that_a_vehicle_passes_behind_stays_still() -> None:
+    """One find of a vehicle made a date stamp a lead for 1.5 s."""
+    road = TrackedRoad(needs_vehicle=True)
+    for index in range(40):
+        found = [detection(20.0, text=None)]
+        if index == 30:
+            found.append(detection(20.5, text=None, kind=DetectionKind.VEHICLE))
+        lead = road.step(*found)
+        (track,) = road.tracker.tracks
+        image = stamped(scenery(index), "RD288HX")
+        track.still_in_picture.receive_frame(image, BOX, road.stamp_s)
+        assert index < 10 or lead is None
+
+
 def test_where_the_scene_stands_nothing_is_known_to_be_still() -> None:
     assert not any(watched(stamped(scenery(0), "GN 417") for _ in range(30)))
 
