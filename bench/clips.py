@@ -8,8 +8,9 @@ enlarged two to four times, and the vehicles outlined, to some 3 px; those of ot
 or unsure ones ahead, in every second to fourth of these frames, and linearly in between. Distances
 follow from the outlines' width and from the focal length that the lane's markings give. A row is a
 vehicle; `lane` is `own`, `other` or `unsure` (on the line, or the lane's course is not seen), or
-says that the own lane is `free` as far as one sees. `distance_m` is a class, and given for the own
-lane only.
+says that the own lane is `free` as far as one sees. Of `night-street` and `barrier-shadow`, where
+only ghosts are judged, six and nine frames were outlined coarsely, to some 10 px. `distance_m` is a
+class, and given for the own lane only.
 """
 
 import csv

@@ -6,8 +6,9 @@ ahead is in the lane whatever the markings say.
 
 A false lead is worse than a missed one: only confirmed tracks count, whose detections were where a
 moving body would be and whose box is as wide as a vehicle's at its gap, and a track that is no
-longer observed gives way to an observed one behind it. What stays on its pixels is none. Where vehicles are found as such, a plate counts only on one
-of them. In bends, parked vehicles pass through the lane; they are excluded by their sideways speed.
+longer observed gives way to an observed one behind it. What stays on its pixels is none. Where
+vehicles are found as such, a plate counts only on one of them. In bends, parked vehicles pass
+through the lane; they are excluded by their sideways speed.
 """
 
 import math
