@@ -150,19 +150,14 @@ def _is_ghost(lead: Lead, index: int, truth: Mapping[int, LabelledFrame]) -> boo
     return all(overlap(lead.box, box) == 0.0 for box in boxes)
 
 
-def measured(*, vehicles: bool) -> dict[str, ClipTally]:
-    """Run each labelled clip as the daemon does: some 15 pictures a second, its search schedule.
-
-    Args:
-        vehicles: whether vehicles are detected as such.
-    """
+def measured() -> dict[str, ClipTally]:
+    """Run each labelled clip as the daemon does: some 15 pictures a second, its search schedule."""
     cv2.setNumThreads(1)
     folder = Path(os.environ.get("RIG_DATA", Path(__file__).parents[2] / "shared" / "data"))
     tallies = {}
     for clip, truth in labels().items():
         video = VideoFile(str(folder / "clips" / f"{clip}.mp4"), None)
-        settings = VisionSettings(vehicles=vehicles)
-        perception = load_perception(None, settings)
+        perception = load_perception(None, VisionSettings())
         tallies[clip] = score(_annotated(video, perception), truth)
     return tallies
 
@@ -178,7 +173,7 @@ def _annotated(video: VideoFile, perception: Perception) -> Iterator[AnnotatedFr
 
 def measure() -> Iterator[Figure]:
     """Shares of frames with a vehicle ahead in which it is found, and ghosts, by clip."""
-    for clip, tally in measured(vehicles=True).items():
+    for clip, tally in measured().items():
         longest_s = max(tally.ghosts_s, default=0.0)
         yield Figure(f"clips.{clip}.longest_ghost", longest_s, "s", 1, "the longest allowed", 0.3)
         if tally.with_vehicle:
@@ -210,13 +205,7 @@ def table(tallies: Mapping[str, ClipTally]) -> str:
 
 def main() -> None:
     """Write the table into the page, between its marks."""
-    rows = measured(vehicles=True)
-    rows |= {
-        f"{clip}, plates only": each
-        for clip, each in measured(vehicles=False).items()
-        if each.with_vehicle
-    }
-    write_tables(PAGE, {"clips": table(rows)})
+    write_tables(PAGE, {"clips": table(measured())})
 
 
 if __name__ == "__main__":
