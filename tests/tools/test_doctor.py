@@ -20,8 +20,10 @@ from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.security.key_files import write_credentials
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor import camera, can_bus, computer, gnss_receiver, radio
-from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.tools.doctor.cli import examine
+from onboard.tools.doctor.finding import SUBJECTS, Finding, FindingLevel, best_levels
 from onboard.tools.test_ca.authority import make_trial
+from onboard.vehicle.config import CarConfig, CarSettings
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp.settings import IwcuSettings
 from sim_rig.cars.camera_server import CameraServer
@@ -365,6 +367,19 @@ def onboard_doctor(config: Path, *options: str) -> subprocess.CompletedProcess[s
         text=True,
         check=False,
     )
+
+
+def test_without_any_connection_every_connection_is_reported_as_not_configured() -> None:
+    found = levels(asyncio.run(examine(CarConfig(car=CarSettings(plate="A1")), PATIENCE_S)))
+
+    table = best_levels(())
+    assert found.keys() == table.keys()
+    assert {
+        subject for subject, level in found.items() if level is FindingLevel.NOT_CONFIGURED
+    } == {
+        *(subjects[0] for subjects in SUBJECTS.values()),
+        "disk",
+    }
 
 
 @pytest.mark.long

@@ -22,14 +22,12 @@ from onboard.tools.doctor.computer import (
     written_folders,
 )
 from onboard.tools.doctor.detector import examine_detector
-from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.tools.doctor.finding import SUBJECTS, Finding, FindingLevel
 from onboard.tools.doctor.gnss_receiver import examine_gnss_receiver
 from onboard.tools.doctor.radio import examine_radio
 from onboard.vehicle.config import CarConfig
 
 INSTALLED_CONFIG = Path("/etc/onboard/car.yaml")
-
-CONNECTIONS = ("bus", "camera", "detector", "gpsd", "radio")
 
 CORRECT = "correct the configuration; `onboard check` names every mistake"
 
@@ -67,18 +65,20 @@ def doctor(
 
 async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
     """Test everything that `config` names, all connections concurrently, `patience_s` each."""
-    connections: dict[str, Coroutine[None, None, list[Finding]] | None] = dict.fromkeys(CONNECTIONS)
+    connections: dict[str, Coroutine[None, None, list[Finding]] | None] = dict.fromkeys(SUBJECTS)
     if config.can is not None:
-        connections["bus"] = examine_bus(config.can, config.obd, patience_s)
+        connections["can"] = examine_bus(config.can, config.obd, patience_s)
     if config.camera is not None:
         connections["camera"] = asyncio.to_thread(examine_camera, config.camera, patience_s)
     if config.detector is not None:
         connections["detector"] = examine_detector(config.detector, patience_s)
     if config.gnss is not None:
-        connections["gpsd"] = examine_gnss_receiver(config.gnss, patience_s)
+        connections["gnss"] = examine_gnss_receiver(config.gnss, patience_s)
     if config.radio is not None:
         connections["radio"] = examine_radio(config.radio, patience_s)
-    examined = [_examined(subject, examination) for subject, examination in connections.items()]
+    examined = [
+        _examined(SUBJECTS[section][0], examination) for section, examination in connections.items()
+    ]
     findings = [finding for found in await asyncio.gather(*examined) for finding in found]
     now_utc_s = time.time()
     return [

@@ -1,0 +1,17 @@
+"""What the box tests expect of `onboard doctor`, beside what it reports."""
+
+import asyncio
+
+from deploy.vm.__main__ import CAR, DOCTOR, DOCTOR_IN_QEMU
+from onboard.settings import parse_settings
+from onboard.tools.doctor.cli import examine
+from onboard.vehicle.config import CarConfig
+
+
+def test_the_box_tests_expect_a_level_of_every_subject_that_the_doctor_reports() -> None:
+    """Here everything is missing; which subjects there are does not depend on that."""
+    found = asyncio.run(examine(parse_settings(CAR, CarConfig, "car"), 0.2))
+
+    assert {each.subject for each in found} == DOCTOR.keys()
+    assert DOCTOR_IN_QEMU.keys() < DOCTOR.keys()
+    assert DOCTOR["detector"] == "not configured"
