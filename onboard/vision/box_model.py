@@ -10,6 +10,10 @@ from onboard.vision.settings import BoxModelSettings
 
 _GREY = (114, 114, 114)
 """Fill colour beside an image of another aspect ratio, as in the training of such models."""
+_STRIDES = (8, 16, 32)
+"""Sides of the cells of YOLOX in pixels of its input (Ge et al. 2021)."""
+LARGEST_BYTES = 400_000_000
+"""Size of a file above which it is not loaded: the largest of the YOLOX family has 396 MB."""
 _MIN_OVERLAP = 0.5
 """Intersection over union from which two boxes are one object."""
 
@@ -28,6 +32,11 @@ class BoxModel:
         self._settings = settings
         if not settings.file.is_file():
             raise UserError(f"{name}.file: {settings.file}: no such file")
+        if settings.file.stat().st_size > LARGEST_BYTES:
+            raise UserError(
+                f"{name}.file: {settings.file}: has {settings.file.stat().st_size:,} bytes, "
+                f"but at most {LARGEST_BYTES:,} are allowed"
+            )
         try:
             self._network = cv2.dnn.readNetFromONNX(str(settings.file))
         except cv2.error as error:
@@ -48,7 +57,9 @@ class BoxModel:
         size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
         fitted = np.full((height, width, 3), _GREY, np.uint8)
         fitted[: size[1], : size[0]] = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        self._network.setInput(cv2.dnn.blobFromImage(fitted, 1 / 255.0, swapRB=True))
+        is_yolox = self._settings.layout == "yolox"
+        scaling = 1.0 if is_yolox else 1 / 255.0
+        self._network.setInput(cv2.dnn.blobFromImage(fitted, scaling, swapRB=not is_yolox))
         boxes, scores = self._boxes(np.asarray(self._network.forward(), np.float32))
         kept = cv2.dnn.NMSBoxes(
             boxes.tolist(), scores.tolist(), self._settings.least_score, _MIN_OVERLAP
@@ -62,7 +73,9 @@ class BoxModel:
         self, output: npt.NDArray[np.float32]
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """(n, 4) left, top, width, height in input pixels, and (n,) scores."""
-        first_class = 5 if self._settings.has_objectness else 4
+        is_yolox = self._settings.layout == "yolox"
+        has_objectness = self._settings.has_objectness or is_yolox
+        first_class = 5 if has_objectness else 4
         least_values = first_class + max(self._settings.classes) + 1
         rows = output[0] if output.ndim == 3 else np.zeros((0, 0), np.float32)
         if rows.shape[1] > rows.shape[0]:
@@ -72,9 +85,31 @@ class BoxModel:
                 f"{self._name}: output of shape {output.shape}, but (1, rows, "
                 f"{least_values} values or more) fits has_objectness and classes"
             )
+        if is_yolox:
+            rows = self._from_cells(rows)
         columns = [first_class + number for number in self._settings.classes]
         scores = rows[:, columns].max(axis=1)
-        if self._settings.has_objectness:
+        if has_objectness:
             scores = scores * rows[:, 4]
         sides = rows[:, 2:4]
         return np.hstack([rows[:, :2] - sides / 2, sides]), scores
+
+    def _from_cells(self, rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Rows of YOLOX with centres and sides in input pixels."""
+        width, height = self._settings.input_width_px, self._settings.input_height_px
+        cells = [
+            (x * side, y * side, side)
+            for side in _STRIDES
+            for y in range(height // side)
+            for x in range(width // side)
+        ]
+        if len(rows) != len(cells):
+            raise UserError(
+                f"{self._name}.layout: yolox has {len(cells)} rows for an input of {width} x "
+                f"{height} px, but {self._settings.file} gives {len(rows)}"
+            )
+        corners = np.asarray(cells, np.float32)
+        pixels = rows.copy()
+        pixels[:, :2] = rows[:, :2] * corners[:, 2:] + corners[:, :2]
+        pixels[:, 2:4] = np.exp(np.minimum(rows[:, 2:4], 10.0)) * corners[:, 2:]
+        return pixels

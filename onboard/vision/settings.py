@@ -153,6 +153,9 @@ class BoxModelSettings(Settings):
 
     file: Path
     """The ONNX file."""
+    layout: Literal["yolo", "yolox"] = "yolo"
+    """`yolox`: rows are offsets in cells of 8, 16 and 32 pixels and logarithms of sides, as YOLOX
+    exports them, always with objectness; its input is BGR from 0 to 255."""
     input_width_px: int = Field(640, ge=32, le=4096)
     """Size of the model's input; frames are scaled to it."""
     input_height_px: int = Field(640, ge=32, le=4096)

@@ -12,6 +12,38 @@ import numpy as np
 CELL_PX = 8
 
 
+def write_yolox_like(path: Path, side_px: int = 64) -> None:
+    """A model of YOLOX's layout, whose answer is one car (class 1 of 2) of 16 by 16 pixels.
+
+    It is in the second cell of the second row of 8 pixels, with its centre at (12, 12).
+    """
+    count = sum((side_px // side) ** 2 for side in (8, 16, 32))
+    rows = np.zeros((1, count, 7), np.float32)
+    rows[0, side_px // 8 + 1] = (0.5, 0.5, np.log(2.0), np.log(2.0), 0.9, 0.1, 1.0)
+    nodes = [
+        _node(
+            "ReduceSum",
+            ["picture"],
+            "sum",
+            [_bytes(1, b"keepdims") + _number(3, 0) + _number(20, 2)],
+        ),
+        _node("Mul", ["sum", "zero"], "nothing", []),
+        _node("Add", ["rows", "nothing"], "found", []),
+    ]
+    graph = b"".join(
+        [
+            *(_bytes(1, node) for node in nodes),
+            _bytes(2, b"one car"),
+            _bytes(5, _tensor("zero", np.zeros((1,), np.float32))),
+            _bytes(5, _tensor("rows", rows)),
+            _bytes(11, _value("picture", [1, 3, side_px, side_px])),
+            _bytes(12, _value("found", [1, count, 7])),
+        ]
+    )
+    model = _number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, b"") + _number(2, 13))
+    path.write_bytes(model)
+
+
 def write_red_square_detector(path: Path, side_px: int = 64, box_px: float = 16.0) -> None:
     cells = side_px // CELL_PX
     count = cells * cells

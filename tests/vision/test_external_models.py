@@ -8,7 +8,7 @@ import pytest
 
 from onboard.errors import UserError
 from onboard.observations import ImageBox, LeadIdentity
-from onboard.vision.box_model import BoxModel
+from onboard.vision.box_model import LARGEST_BYTES, BoxModel
 from onboard.vision.detection import SearchPlan
 from onboard.vision.external_plate_detector import ExternalPlateDetector
 from onboard.vision.networks import load_perception
@@ -19,7 +19,7 @@ from onboard.vision.vehicle_detector import VehicleBoxDetector
 from sim_rig.rendering.plate_art import EU, draw_plate
 from sim_rig.rendering.scene import opaque, warp_onto
 from tests.vision.drive import CAMERA
-from tests.vision.onnx_by_hand import write_red_square_detector
+from tests.vision.onnx_by_hand import write_red_square_detector, write_yolox_like
 
 
 def model(tmp_path: Path, **changes: object) -> VehicleModelSettings:
@@ -55,6 +55,48 @@ def test_an_image_without_vehicles_has_no_boxes(tmp_path: Path) -> None:
         BoxModel(model(tmp_path), "vision.vehicle_model").find(np.full((540, 960, 3), 90, np.uint8))
         == []
     )
+
+
+def yolox(tmp_path: Path, **changes: object) -> VehicleModelSettings:
+    write_yolox_like(tmp_path / "yolox.onnx")
+    given = {"file": tmp_path / "yolox.onnx", "layout": "yolox", "classes": (1,)}
+    return model(tmp_path, **(given | changes))
+
+
+def test_rows_of_yolox_are_offsets_in_cells_and_logarithms_of_sides(tmp_path: Path) -> None:
+    found = BoxModel(yolox(tmp_path), "vision.vehicle_model").find(np.zeros((64, 64, 3), np.uint8))
+
+    ((box, score),) = found
+    assert (box.x_px, box.y_px, box.w_px, box.h_px) == pytest.approx((4, 4, 16, 16), abs=0.01)
+    assert score == pytest.approx(0.9, abs=0.01)
+
+
+def test_a_class_that_a_yolox_does_not_have_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"output of shape.*classes"):
+        BoxModel(yolox(tmp_path, classes=(2,)), "vision.vehicle_model")
+
+
+def test_a_model_of_another_layout_is_an_error(tmp_path: Path) -> None:
+    squares = tmp_path / "squares.onnx"
+    write_red_square_detector(squares)
+    # Six values a row, of another number of rows.
+    with pytest.raises(UserError, match=r"vehicle_model"):
+        BoxModel(yolox(tmp_path, file=squares, classes=(0,)), "vision.vehicle_model")
+
+
+def test_a_truncated_model_is_an_error(tmp_path: Path) -> None:
+    whole = yolox(tmp_path)
+    whole.file.write_bytes(whole.file.read_bytes()[:-200])
+    with pytest.raises(UserError, match=r"vehicle_model"):
+        BoxModel(whole, "vision.vehicle_model")
+
+
+def test_a_huge_file_is_an_error(tmp_path: Path) -> None:
+    huge = tmp_path / "huge.onnx"
+    with huge.open("wb") as file:
+        file.truncate(LARGEST_BYTES + 1)
+    with pytest.raises(UserError, match=r"vehicle_model\.file.*at most 400,000,000"):
+        BoxModel(yolox(tmp_path, file=huge), "vision.vehicle_model")
 
 
 def test_a_missing_model_is_an_error(tmp_path: Path) -> None:
