@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from onboard.errors import UserError
 from onboard.gnss.gnss_log import read_gnss_log
@@ -134,10 +135,22 @@ def _from_clip(
     camera = parse_settings(given, CameraSettings, "onboard replay")
     frames = open_recorded(camera)
     perception = load_perception(camera, config.vision)
-    for frame in frames:
+    for number, frame in enumerate(frames):
+        if number == 0 and config.camera is not None:
+            _check_shape(clip, frame.image, camera)
         perception.receive_frame(frame.image, start_s + frame.stamp_s)
         while (observation := perception.next_event()) is not None:
             yield observation.stamp_s, 1, observation
+
+
+def _check_shape(clip: str, image: npt.NDArray[np.uint8], camera: CameraSettings) -> None:
+    """Raise a `UserError` if the calibration is of images of another shape."""
+    height_px, width_px = image.shape[:2]
+    if image.size and camera.for_size(width_px, height_px) is None:
+        raise UserError(
+            f"{clip}: its images of {width_px} x {height_px} px have another shape than "
+            f"camera.width_px and height_px, {camera.width_px} x {camera.height_px}"
+        )
 
 
 def _from_gnss(path: Path) -> Iterator[_Stamped]:

@@ -13,6 +13,7 @@ from onboard.kinematics.units import KM_H
 from onboard.observations import LeadIdentity, Sensor, SensorLost
 from onboard.tools.cli import UNCONFIGURED
 from onboard.tools.replay import RawRecording, replay
+from onboard.vision.settings import CameraSettings
 
 
 @pytest.mark.long
@@ -133,6 +134,16 @@ def test_an_empty_recording_is_a_user_error() -> None:
 def test_a_negative_frame_rate_is_a_user_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"onboard replay: fps: Input should be greater than 0"):
         list(replay(RawRecording(clip=str(tmp_path), fps=-3.0), UNCONFIGURED))
+
+
+def test_a_clip_of_another_shape_than_the_calibration_is_one_error(tmp_path: Path) -> None:
+    """Each frame was discarded, in a line of its own, and the exit code was 0."""
+    cv2.imwrite(str(tmp_path / "1.png"), np.full((180, 180, 3), 90, np.uint8))
+    camera = CameraSettings(source="0", width_px=1280, height_px=720)
+    config = UNCONFIGURED.model_copy(update={"camera": camera})
+
+    with pytest.raises(UserError, match=r"1\.png: its images of 180 x 180 px.*1280 x 720"):
+        list(replay(RawRecording(clip=str(tmp_path / "1.png")), config))
 
 
 def test_a_missing_recording_is_an_error_that_names_it(tmp_path: Path) -> None:
