@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from bench._scene import CAMERA_FPS, SPEED_M_S, LoopCamera, free_port, port_of
-from bench._traced_daemon import PLATE_AHEAD
+from bench._traced_daemon import LEAD_PLATE
 from bench._udp_echo import udp_echoes
 from onboard.observations import HardBrake, Speed
 from onboard.security.credentials import Credentials
@@ -37,7 +37,7 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import Processes
 
 STAGES = ("wake_up", "queue", "verify", "decode", "group", "sign", "record", "send", "show")
-"""From the sending by the car ahead to the daemon's loop, to the step, to the verified signature,
+"""From the sending by the lead to the daemon's loop, to the step, to the verified signature,
 to the decoded message, to the decision of the group, to the signed acknowledgement, to the end of
 the recorded step, to the sending, and to the alarm in trace, metrics and views of the page."""
 _PASSED = (
@@ -76,8 +76,8 @@ async def _run(folder: Path, brakings: int, *, with_camera: bool) -> Hops:
     trial = make_trial(["own", "ahead"], {psid.BSM, psid.LCCA}, time.time())
     write_credentials(folder / "keys", trial["own"])
     ecu = SocketcandServer(Ecu(lambda _now: SPEED_M_S), "can0", lambda _frame: None)
-    camera = await asyncio.start_server(LoopCamera(PLATE_AHEAD).serve, "127.0.0.1", 0)
-    ahead = _CarAhead(trial["ahead"])
+    camera = await asyncio.start_server(LoopCamera(LEAD_PLATE).serve, "127.0.0.1", 0)
+    ahead = _LeadVehicle(trial["ahead"])
     config = {
         "car": {"plate": "OWN1"},
         "can": {"channel": "can0", "port": await ecu.start()},
@@ -125,8 +125,8 @@ def _durations_s(
     return durations_s
 
 
-class _CarAhead:
-    """The cores of the car ahead, and its radio."""
+class _LeadVehicle:
+    """The cores of the lead, and its radio."""
 
     def __init__(self, credentials: Credentials) -> None:
         self._radio = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -134,7 +134,7 @@ class _CarAhead:
         self._radio.setblocking(False)
         self.port = self._radio.getsockname()[1]
         self.daemon_port = free_port()
-        config = parse_settings({"car": {"plate": PLATE_AHEAD}}, CarConfig, "bench")
+        config = parse_settings({"car": {"plate": LEAD_PLATE}}, CarConfig, "bench")
         self._stack = Stack(
             config,
             (),

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from onboard.lcca.events import TrackedVehicle
+from onboard.lcca.events import TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.observations import Lead
@@ -31,7 +31,7 @@ def named_after_s(plate: str, leads: Iterable[Lead]) -> float | None:
         now = lead.stamp_s
         core.receive_speed(SPEED_M_S, now)
         core.receive_speed_on_air(_TEMPORARY, _TEMPORARY, SPEED_M_S, now)
-        core.receive_lead(TrackedVehicle.of(lead, car_id_of), now)
+        core.receive_lead(TrackedLead.of(lead, car_id_of), now)
         for message in core.messages_to_send():
             if isinstance(message, Inquiry) and answering[:NAME_BYTES] in message.names:
                 answer = Answer(answering, _OWN, message.sequence, _TEMPORARY, SPEED_M_S)

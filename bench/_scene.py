@@ -19,7 +19,7 @@ class LoopCamera:
     """Serves images of a car some 15 m ahead, rendered before, in a loop."""
 
     def __init__(self, plate: str) -> None:
-        """Render the images; the car ahead bears `plate`."""
+        """Render the images; the lead bears `plate`."""
         renderer = CameraRenderer(CameraSettings(source="bench", **LENS.model_dump()))
         rng = np.random.default_rng(1)
         self._jpegs = []

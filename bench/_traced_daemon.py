@@ -4,7 +4,7 @@
 
 The functions with which stages begin or end are wrapped here; the daemon's own code is unchanged.
 `OUT` gets one JSON object for each warning. With `--no-camera`, a thread that only sleeps reports
-the car ahead in place of the camera's thread.
+the lead in place of the camera's thread.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from onboard.runtime.service import Service
 from onboard.security.security_services import SecurityServices
 from onboard.wave_udp.iwcu import IwcuEndpoint
 
-PLATE_AHEAD = "AB123CD"
+LEAD_PLATE = "AB123CD"
 GAP_M = 15.0
 FRAME_S = 1.0 / 15.0
 
@@ -102,9 +102,9 @@ class _NoCamera:
         self._closed.set()
 
     def _run(self) -> None:
-        candidates = (PlateCandidate(PLATE_AHEAD, 0.98),)
+        candidates = (PlateCandidate(LEAD_PLATE, 0.98),)
         while not self._closed.wait(FRAME_S):
-            known = (LeadIdentity.KNOWN, PLATE_AHEAD, GAP_M, 0.3, 0.0, 0.3)
+            known = (LeadIdentity.KNOWN, LEAD_PLATE, GAP_M, 0.3, 0.0, 0.3)
             self._on_observations([Lead(time.monotonic(), *known, 1, candidates)])
 
 

@@ -49,7 +49,7 @@ class LabelledFrame:
     """What a person sees in one frame."""
 
     own: ImageBox | None
-    """The vehicle ahead in the own lane within 60 m."""
+    """The lead in the own lane within 60 m."""
     is_free: bool
     """Whether the own lane is free as far as one sees."""
     vehicles: tuple[ImageBox, ...]
@@ -61,7 +61,7 @@ class ClipTally:
     """Answers on one clip."""
 
     with_vehicle: int = 0
-    """Labelled frames with a vehicle ahead within 60 m; each is one of the next three."""
+    """Labelled frames with a lead within 60 m; each is one of the next three."""
     found: int = 0
     """The lead is that vehicle."""
     unknown: int = 0
@@ -172,7 +172,7 @@ def _annotated(video: VideoFile, perception: Perception) -> Iterator[AnnotatedFr
 
 
 def measure() -> Iterator[Figure]:
-    """Shares of frames with a vehicle ahead in which it is found, and ghosts, by clip."""
+    """Shares of frames with a lead in which it is found, and ghosts, by clip."""
     for clip, tally in measured().items():
         longest_s = max(tally.ghosts_s, default=0.0)
         yield Figure(f"clips.{clip}.longest_ghost", longest_s, "s", 1, "the longest allowed", 0.3)

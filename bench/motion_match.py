@@ -1,4 +1,4 @@
-"""How soon motion alone names the vehicle ahead, on recorded platoons.
+"""How soon motion alone names the lead, on recorded platoons.
 
 All vehicles of three recorded platoons are on the air at once; each follower but the first of its
 platoon looks at the one ahead of it for a minute, through speedometers with steps of 1 km/h and
@@ -91,7 +91,7 @@ def _look(
             shown_m_s = round(scales[car] * speeds[step] / OBD_STEP_M_S) * OBD_STEP_M_S
             match.receive_speed_on_air(bytes([car]), shown_m_s, now)
             sums_m_s[car] += (shown_m_s - seen_m_s) * (now < LEVEL_S)
-        match.receive_speed_ahead(seen_m_s, 0.25, float(own), now)
+        match.receive_lead_speed(seen_m_s, 0.25, float(own), now)
         if named is None and step % 5 == 0:
             probabilities = vehicle_probabilities([], {}, match.log_ratios())
             name, probability = max(probabilities.items(), key=lambda item: item[1])

@@ -31,7 +31,7 @@ def warn_refusal(
         warn: the copy that was received.
         state: the receiver's state.
         position: the receiver's position in its group.
-        from_predecessor: whether the vehicle that the receiver follows sent this copy.
+        from_predecessor: whether the receiver's predecessor sent this copy.
         lifetime_s: age above which a warning is refused.
     """
     if warn.age_s > lifetime_s:
@@ -60,7 +60,7 @@ def update_refusal(
         number: the group number that the receiver would have after it.
         state: the receiver's state.
         position: the receiver's position in its group.
-        from_predecessor: whether the vehicle that the receiver follows sent this copy.
+        from_predecessor: whether the receiver's predecessor sent this copy.
         now: seconds on the cores' clock.
     """
     leaders = (update.previous_leader_id, update.leader_id)

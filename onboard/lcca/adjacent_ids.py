@@ -2,10 +2,10 @@
 
 All cars change their IDs at one time, each by its own clock. Around that time a message names cars
 by the IDs of its sender's epoch, which may be the one before or after the own. Of four cars the
-adjacent IDs are known: the own one and the preceding one by their plates, the leader by the replies
-of the preceding one (`Reply.next_leader_id`), a follower by its joins (`Join.previous_id`). They
-are translated where a message comes in, so the other parts of the warning group see one ID for a
-car at any time.
+adjacent IDs are known: those of this car and of its lead by their plates, those of the leader by
+the predecessor's replies (`Reply.next_leader_id`), and those of a follower by its joins
+(`Join.previous_id`). They are translated where a message comes in, so the other parts of the
+warning group see one ID for a car at any time.
 """
 
 from collections import OrderedDict

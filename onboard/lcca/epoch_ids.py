@@ -2,8 +2,8 @@
 
 Clocks differ, so other cars use the IDs of the next epoch before the own clock does, and those of
 the previous one after it. Whoever knows a plate derives all of its IDs. A leader several cars ahead
-is known by its present ID only; its next one comes with the replies of the preceding car, masked by
-a secret that follows from that car's plate. By the same secret the car behind masks its own
+is known by its present ID only; its next one comes with the replies of the predecessor, masked by
+a secret that follows from the predecessor's plate. By the same secret the follower masks its own
 previous ID in its joins. A listener without the plate cannot link two IDs, not even once both have
 been sent.
 """
@@ -72,22 +72,22 @@ class EpochIds:
             return None
         return self._digest.car_id(self._own_plate, ends_at_utc_s)
 
-    def to_send(self, message: GroupMessage, ahead_text: str | None, utc_s: float) -> GroupMessage:
+    def to_send(self, message: GroupMessage, lead_text: str | None, utc_s: float) -> GroupMessage:
         """Return an own message with the IDs of other epochs masked.
 
         Args:
             message: in clear.
-            ahead_text: plate of the preceding car, if it is known.
+            lead_text: plate of the lead, if it is known.
             utc_s: seconds since 1970.
         """
-        return self._masked(message, self._own_plate, ahead_text, utc_s)
+        return self._masked(message, self._own_plate, lead_text, utc_s)
 
-    def received(self, message: GroupMessage, ahead_text: str | None, utc_s: float) -> GroupMessage:
+    def received(self, message: GroupMessage, lead_text: str | None, utc_s: float) -> GroupMessage:
         """Return a received message with the IDs of other epochs in clear.
 
         Those that cannot be read become `NO_ID`. Arguments as of `to_send`.
         """
-        return self._masked(message, ahead_text, self._own_plate, utc_s)
+        return self._masked(message, lead_text, self._own_plate, utc_s)
 
     def _masked(
         self, message: GroupMessage, replies: str | None, is_joined: str | None, utc_s: float

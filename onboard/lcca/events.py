@@ -1,4 +1,4 @@
-"""Input and output values of the identification of the car ahead, and of the warning group."""
+"""Input and output values of the identification of the lead, and of the warning group."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,19 +11,19 @@ from onboard.observations import BrakeCause, Lead
 
 @dataclass(frozen=True, slots=True)
 class CandidateCar:
-    """A car that may be the one ahead."""
+    """A car that may be the lead."""
 
     text: str
     """That its plate would bear."""
     car_id: CarId
     """The communication ID of that text in this epoch."""
     probability: float
-    """That the plate ahead bears the text."""
+    """That the lead's plate bears the text."""
 
 
 @dataclass(frozen=True, slots=True)
-class TrackedVehicle:
-    """The vehicle ahead in the own lane, as one camera frame shows it, before it is identified."""
+class TrackedLead:
+    """The lead, as one camera frame shows it, with the cars that it may be."""
 
     stamp_s: float
     """Time of the frame in s."""
@@ -62,7 +62,7 @@ class TrackedVehicle:
 
 @dataclass(frozen=True, slots=True)
 class Inquired:
-    """The cars in range were asked which of them is ahead."""
+    """The cars in range were asked which of them is the lead."""
 
     kind: ClassVar[str] = "inquired"
     stamp_s: float
@@ -73,7 +73,7 @@ class Inquired:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The car ahead is known."""
+    """The lead is known."""
 
     kind: ClassVar[str] = "identified"
     stamp_s: float
@@ -88,7 +88,7 @@ class Identified:
 
 @dataclass(frozen=True, slots=True)
 class IdentityLost:
-    """The car ahead is no longer known, though it is still tracked."""
+    """The lead is no longer known, though it is still tracked."""
 
     kind: ClassVar[str] = "identity_lost"
     stamp_s: float
@@ -99,11 +99,11 @@ class IdentityLost:
 
 
 @dataclass(frozen=True, slots=True)
-class PrecedingVehicle:
-    """The vehicle ahead in the own lane, as one camera frame shows it."""
+class MeasuredLead:
+    """The lead, as one camera frame shows it, with its ID if it is identified."""
 
     car_id: CarId | None
-    """Communication ID; `None` while the vehicle is not identified."""
+    """Communication ID; `None` while the lead is not identified."""
     gap_m: float
     closing_speed_m_s: float | None
     """Positive while the gap shrinks; `None` while not known."""

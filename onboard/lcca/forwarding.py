@@ -203,7 +203,7 @@ class Forwarding:
             car_id: the follower. It may have received them, and acknowledges them with its next
                 join.
             now: seconds on the cores' clock.
-            is_close: whether this vehicle's camera shows the preceding one now. If not, it may have
+            is_close: whether this vehicle's camera shows its predecessor now. If not, it may have
                 left the lane, and only its own braking concerns the follower.
         """
         for entry in self._messages.values():

@@ -1,6 +1,6 @@
 """One vehicle's part in its warning group (LCCA, section 3): the core without I/O.
 
-It puts the parts together: `lead_monitor` identifies the vehicle to join, `membership` sends joins,
+It puts the parts together: `lead_monitor` tells whether to join the lead, `membership` sends joins,
 `group_position` holds leader and number, `warning_list` the followers, `own_braking` the own state,
 `active_warnings` that of the vehicles ahead, `forwarding` repeats messages, and `transitions` alone
 decides the state in the group. docs/design/lcca.md states what the paper leaves open.
@@ -17,7 +17,7 @@ from onboard.lcca.acceptance import update_refusal, warn_refusal
 from onboard.lcca.active_warnings import ActiveWarnings
 from onboard.lcca.adjacent_ids import AdjacentIds
 from onboard.lcca.events import (
-    PrecedingVehicle,
+    MeasuredLead,
     Transition,
     WarningLevel,
     WarningOver,
@@ -46,7 +46,7 @@ from onboard.messages.lcca import (
 )
 from onboard.observations import Discarded, HardBrake
 
-__all__ = ["PrecedingVehicle", "WarningGroup"]
+__all__ = ["MeasuredLead", "WarningGroup"]
 
 GroupEvents = Transition | WarningRaised | WarningLevel | WarningOver | Discarded
 
@@ -122,23 +122,23 @@ class WarningGroup(Core):
         """Take a sample of the own speed."""
         self._lead_monitor.receive_speed(speed_m_s, now)
 
-    def receive_preceding_vehicle(
-        self, preceding: PrecedingVehicle | None, now: float, *, is_unknown: bool = False
+    def receive_lead(
+        self, lead: MeasuredLead | None, now: float, *, is_unknown: bool = False
     ) -> None:
-        """Take what one camera frame shows ahead in the own lane.
+        """Take what one camera frame shows of the lead.
 
         Args:
-            preceding: the vehicle, if it shows one.
+            lead: the lead vehicle, if it shows one.
             now: seconds on the cores' clock.
             is_unknown: whether one may be there although the frame shows none.
         """
-        if preceding is not None and preceding.car_id is not None:
-            if preceding.next_id is not None:
-                self._adjacent_ids.receive_next(preceding.car_id, preceding.next_id)
-            if preceding.previous_id is not None:
-                self._adjacent_ids.receive_previous(preceding.car_id, preceding.previous_id)
-                self._rename({preceding.previous_id: preceding.car_id})
-        self._lead_monitor.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
+        if lead is not None and lead.car_id is not None:
+            if lead.next_id is not None:
+                self._adjacent_ids.receive_next(lead.car_id, lead.next_id)
+            if lead.previous_id is not None:
+                self._adjacent_ids.receive_previous(lead.car_id, lead.previous_id)
+                self._rename({lead.previous_id: lead.car_id})
+        self._lead_monitor.receive_lead(lead, now, is_unknown=is_unknown)
         self._membership.receive_frame(self._position.own_id, now)
         self._join_if_due(now)
 
@@ -225,7 +225,7 @@ class WarningGroup(Core):
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None
 
-    # Following the preceding vehicle
+    # Following the predecessor
 
     def _join_if_due(self, now: float) -> None:
         join = self._membership.next_join(now)

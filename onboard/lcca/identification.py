@@ -1,14 +1,14 @@
-"""Which car is ahead: asked over the radio, and confirmed by its motion.
+"""Which car is the lead: asked over the radio, and confirmed by its motion.
 
-The camera gives texts that the plate ahead may bear. An inquiry names them, and the car that bears
-one answers. Which of the cars that answered is ahead, if any, follows from the texts'
+The camera gives texts that the lead's plate may bear. An inquiry names them, and the car that bears
+one answers. Which of the cars that answered is the lead, if any, follows from the texts'
 probabilities, from the number of answers, and from the speeds and positions of the cars on the air
 (`identity_posterior`, `motion_match`, `position_match`). From `BELIEF` on the car is identified. If
 no plate can be read, a car whose motion alone is as convincing is asked by the temporary ID of its
 BSMs.
 
 An identity belongs to the vehicle that the camera tracks: readings after it change nothing, and it
-ends with the track, or when the car on the air ceases to move as the one ahead does.
+ends with the track, or when the car on the air ceases to move as the lead does.
 """
 
 import math
@@ -20,7 +20,7 @@ import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
-from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedVehicle
+from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
 from onboard.lcca.position_match import position_log_ratio
@@ -35,21 +35,21 @@ MIN_ASKED_BY_MOTION = 0.5
 """Probability by motion alone from which a car is asked for its communication ID."""
 REFUTED = -7.0
 """Evidence of its motion against a car (logarithm of a likelihood ratio), since it was last at its
-highest, from which it is no longer the one ahead."""
+highest, from which it is no longer the lead."""
 ASK_HEADWAY_S = 3.0
 """Gap, divided by the own speed, from which on a car need not be known: more than the headway at
 which it is joined, so that it is known by then."""
 RETRY_S, RETRY_MAX_S = 0.1, 1.0
 """Until an inquiry is repeated: at first, and at most, doubling in between."""
 RETRY_ON_AIR_S = 0.3
-"""At most, if a car on the air moves as the one ahead does: inquiry or answer were then lost."""
+"""At most, if a car on the air moves as the lead does: inquiry or answer were then lost."""
 ENOUGH_INQUIRIES, ANSWER_TIME_S = 2, 0.04
 """Inquiries, and time since the last one, after which a car is identified: the others that were
-asked, the one ahead among them, have then had the chance to answer too."""
+asked, the lead among them, have then had the chance to answer too."""
 LIKELY, DERIVING_S = 0.9, 0.4
 """Probability of a text below which a car is not identified before so much time has passed since
 the first inquiry: the IDs of the less likely texts are then derived and asked for. Of a fleet's
-cars, the one ahead may be among them."""
+cars, the lead may be among them."""
 NEW_TEXT, MAX_EARLY = 0.05, 8
 """Probability of a text not asked for yet from which an inquiry is repeated early, and how often
 that happens on one track."""
@@ -73,7 +73,7 @@ _VALID_SEQUENCES = 16
 
 @dataclass(frozen=True, slots=True)
 class CarIdentity:
-    """The car ahead."""
+    """The car that is the lead."""
 
     car_id: CarId
     """When it was identified; another one in the next epoch."""
@@ -103,7 +103,7 @@ class _Track:
 
 
 class Identification(Core):
-    """Asks who is ahead, answers who asks, and decides."""
+    """Asks which car is the lead, answers the cars that ask, and decides."""
 
     def __init__(self, own_id: CarId, temporary_id: bytes, rng: np.random.Generator) -> None:
         """Start without a lead.
@@ -116,7 +116,7 @@ class Identification(Core):
         self._own_id, self._temporary_id = own_id, temporary_id
         self._speeds: deque[tuple[float, float]] = deque(maxlen=_SPEEDS)
         self._motion = MotionMatch()
-        self._lead: TrackedVehicle | None = None
+        self._lead: TrackedLead | None = None
         self._last_track_id: int | None = None
         self._tracks: OrderedDict[int, _Track] = OrderedDict()
         self._temporary_ids: OrderedDict[bytes, bytes] = OrderedDict()
@@ -130,7 +130,7 @@ class Identification(Core):
 
     @property
     def identity(self) -> CarIdentity | None:
-        """The car ahead, as far as it is known."""
+        """The car that is the lead; `None` while it is not identified."""
         track = self._track
         return None if track is None else track.identity
 
@@ -193,7 +193,7 @@ class Identification(Core):
         """
         self._offsets_m = offsets_m
 
-    def receive_lead(self, lead: TrackedVehicle | None, now: float) -> None:
+    def receive_lead(self, lead: TrackedLead | None, now: float) -> None:
         """Take what one image shows of the lead; `None`: there is none."""
         self._lead = lead
         if lead is None:
@@ -208,7 +208,7 @@ class Identification(Core):
             self._plan_inquiry(now)
         own_m_s = self._speed_at(lead.stamp_s)
         if lead.closing_speed_m_s is not None and own_m_s is not None:
-            self._motion.receive_speed_ahead(
+            self._motion.receive_lead_speed(
                 own_m_s - lead.closing_speed_m_s,
                 lead.closing_speed_sigma_m_s or 0.0,
                 own_m_s,
@@ -251,7 +251,7 @@ class Identification(Core):
             self._track.inquiries = 0
             self._ask_at = max(now, self._asked_at + RETRY_S)
 
-    def _ask_if_due(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
+    def _ask_if_due(self, track: _Track, lead: TrackedLead, now: float) -> None:
         likely = {each.car_id for each in lead.candidates if each.probability >= NEW_TEXT}
         if not likely <= track.asked.keys() | {self._own_id} and track.inquiries < MAX_EARLY:
             self._ask_at = min(self._ask_at, self._asked_at + RETRY_S)
@@ -277,7 +277,7 @@ class Identification(Core):
         self._outbox.append(Inquiry(self._own_id, self._sequence, tuple(names)))
         self._events.append(Inquired(now, track.track_id, len(names)))
 
-    def _names(self, track: _Track, lead: TrackedVehicle, now: float) -> list[bytes]:
+    def _names(self, track: _Track, lead: TrackedLead, now: float) -> list[bytes]:
         """What to ask for; nothing if nothing is to be found out."""
         own_m_s = self._speed_at(now)
         if own_m_s is None or lead.gap_m >= ASK_HEADWAY_S * own_m_s:
@@ -349,7 +349,7 @@ class Identification(Core):
         elif _text_of(answer.sender_id, lead) == track.identity.text:
             track.sender = sender
 
-    def _probabilities(self, track: _Track, lead: TrackedVehicle, now: float) -> dict[bytes, float]:
+    def _probabilities(self, track: _Track, lead: TrackedLead, now: float) -> dict[bytes, float]:
         pending = int(now < self._asked_at + ANSWER_TIME_S)
         texts = [
             AskedText(
@@ -369,7 +369,7 @@ class Identification(Core):
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
         return vehicle_probabilities(texts, answered, motion)
 
-    def _decide(self, track: _Track, lead: TrackedVehicle, now: float) -> None:
+    def _decide(self, track: _Track, lead: TrackedLead, now: float) -> None:
         if track.identity is not None:
             if track.sender is not None and self._motion.decline(track.sender) <= REFUTED:
                 self._motion.refute(track.sender)
@@ -390,7 +390,7 @@ class Identification(Core):
         cause = "answer" if is_by_text else "motion"
         self._events.append(Identified(now, track.track_id, car_id, text, probability, cause))
 
-    def _have_all_answered(self, track: _Track, lead: TrackedVehicle, now: float) -> bool:
+    def _have_all_answered(self, track: _Track, lead: TrackedLead, now: float) -> bool:
         """Whether no other answer is to be expected, since all came or only one text is likely."""
         likeliest = max((each.probability for each in lead.candidates), default=0.0)
         is_asked = track.inquiries >= ENOUGH_INQUIRIES and now >= self._asked_at + ANSWER_TIME_S
@@ -408,5 +408,5 @@ class Identification(Core):
         self._events.append(Discarded(now, "lcca", reason, detail))
 
 
-def _text_of(car_id: CarId, lead: TrackedVehicle) -> str | None:
+def _text_of(car_id: CarId, lead: TrackedLead) -> str | None:
     return next((each.text for each in lead.candidates if each.car_id == car_id), None)

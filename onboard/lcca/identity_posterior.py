@@ -1,10 +1,10 @@
-"""Probability that each vehicle on the air is the one ahead.
+"""Probability that each vehicle on the air is the lead.
 
-By the camera, the plate ahead bears the text T with probability p(T). The vehicle that bears it is
+By the camera, the lead's plate bears the text T with probability p(T). The vehicle that bears it is
 on the air with probability r; it then answers, unless it or its answer is lost in each of the n(T)
-inquiries for T. Vehicles that answer and are not ahead do so by coincidence. With m the likelihood
-ratio of a vehicle's motion (`motion_match`) and N the number of vehicles on the air, the weights
-are, by Bayes' rule,
+inquiries for T. Vehicles that answer and are not the lead do so by coincidence. With m the
+likelihood ratio of a vehicle's motion (`motion_match`) and N the number of vehicles on the air, the
+weights are, by Bayes' rule,
 
     a vehicle that answered for T     r m p(T) K(T)
     a vehicle that did not answer     (r / N) m  sum of p(T) L^n(T) K(T)
@@ -14,7 +14,7 @@ with the sums over all texts that nobody answered for. So the likeliest text tha
 while a less likely one answers keeps its weight, as that of a vehicle without a radio.
 
 K(T) is the probability of the answers for other texts than T. A given plate is rare. But vehicles
-of one fleet have consecutive plates, and the one ahead may be of a fleet that is in range. With a
+of one fleet have consecutive plates, and the lead may be of a fleet that is in range. With a
 answers for plates near T and b for others,
 
     K(T) = (c N)^b ((1 - f) (c N)^a + f F^a)
@@ -34,7 +34,7 @@ COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
 FLEET, FLEET_ANSWERS = 0.2, 0.5
-"""f: probability that the vehicle ahead is of a fleet with consecutive plates that is in range,
+"""f: probability that the lead is of a fleet with consecutive plates that is in range,
 taken high, so that few are mistaken where it is (`sim-rig study false-identity`); F: share of the
 plates near its own that are then borne by others on the air."""
 FLEET_SPAN = 50
@@ -53,7 +53,7 @@ and 0.34."""
 
 
 class AskedText(NamedTuple):
-    """A text that the plate ahead may bear."""
+    """A text that the lead's plate may bear."""
 
     text: str
     probability: float
@@ -127,7 +127,7 @@ def _silent_and_answered(
 
 
 def _coincidence(near: int, far: int, rare: float) -> float:
-    """K: probability of answers for so many texts near that of the vehicle ahead, and others."""
+    """K: probability of answers for so many texts near that of the lead, and others."""
     fleet = FLEET * FLEET_ANSWERS**near
     return float(rare**far * ((1.0 - FLEET) * rare**near + fleet))
 

@@ -1,8 +1,8 @@
-"""The preceding vehicle by camera and speedometer: which one it is, and whether it is too close."""
+"""The lead vehicle by camera and speedometer: which one it is, and whether it is too close."""
 
 from collections.abc import Mapping
 
-from onboard.lcca.events import PrecedingVehicle
+from onboard.lcca.events import MeasuredLead
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId
 
@@ -14,7 +14,7 @@ class LeadMonitor:
         self._parameters = parameters
         self._speed_m_s = 0.0
         self._speed_until = float("-inf")
-        self._preceding: PrecedingVehicle | None = None
+        self._lead: MeasuredLead | None = None
         self._is_close = False
         self._identified: CarId | None = None
         self._close_at: dict[CarId, float] = {}
@@ -33,24 +33,24 @@ class LeadMonitor:
         self._speed_m_s = speed_m_s
         self._speed_until = now + self._parameters.speed_hold_s
 
-    def receive_preceding_vehicle(
-        self, preceding: PrecedingVehicle | None, now: float, *, is_unknown: bool = False
+    def receive_lead(
+        self, lead: MeasuredLead | None, now: float, *, is_unknown: bool = False
     ) -> None:
         """Take one frame.
 
         Args:
-            preceding: the vehicle that it shows, if any.
+            lead: the vehicle that it shows, if any.
             now: seconds on the cores' clock.
             is_unknown: whether one may be there although the frame shows none.
         """
-        self._preceding = preceding
+        self._lead = lead
         self._is_close = self._is_within(self._parameters.leave_headway_s, now)
-        if preceding is None:
+        if lead is None:
             self._identified = self._identified if is_unknown else None
-        elif preceding.car_id is not None:
-            self._identified = preceding.car_id
+        elif lead.car_id is not None:
+            self._identified = lead.car_id
             if self._is_close:
-                self._close_at[preceding.car_id] = now
+                self._close_at[lead.car_id] = now
         horizon = now - self._parameters.lead_hold_s
         if any(at < horizon for at in self._close_at.values()):
             self._close_at = {car: at for car, at in self._close_at.items() if at >= horizon}
@@ -65,43 +65,38 @@ class LeadMonitor:
         """Return when that vehicle was last close; minus infinity if it never was."""
         return self._close_at.get(car_id, float("-inf"))
 
-    def vehicle_to_join(self, now: float) -> CarId | None:
-        """Return the preceding vehicle if it is identified and too close."""
-        preceding = self._preceding
-        if preceding is None or preceding.car_id is None:
+    def lead_to_join(self, now: float) -> CarId | None:
+        """Return the lead's ID if it is identified and too close."""
+        lead = self._lead
+        if lead is None or lead.car_id is None:
             return None
         is_too_close = self._is_within(self._parameters.join_headway_s, now)
-        return preceding.car_id if is_too_close else None
+        return lead.car_id if is_too_close else None
 
     def is_far(self, car_id: CarId) -> bool:
         """Whether the last frame shows that vehicle, and beyond the leave headway."""
-        preceding = self._preceding
-        return preceding is not None and preceding.car_id == car_id and not self._is_close
+        lead = self._lead
+        return lead is not None and lead.car_id == car_id and not self._is_close
 
     def shows_close(self, car_id: CarId | None) -> bool:
         """Whether the last frame shows that vehicle, and as close."""
-        preceding = self._preceding
-        if preceding is None or preceding.car_id is None:
+        lead = self._lead
+        if lead is None or lead.car_id is None:
             return False
-        return preceding.car_id == car_id and self._is_close
+        return lead.car_id == car_id and self._is_close
 
     def matches_speed(self, speed_m_s: float | None, now: float) -> bool:
         """Whether a vehicle with this speed can be the one that the camera sees.
 
         `True` where either speed is unknown.
         """
-        own, preceding = self.speed_at(now), self._preceding
-        if (
-            speed_m_s is None
-            or own is None
-            or preceding is None
-            or preceding.closing_speed_m_s is None
-        ):
+        own, lead = self.speed_at(now), self._lead
+        if speed_m_s is None or own is None or lead is None or lead.closing_speed_m_s is None:
             return True
-        seen_m_s = own - preceding.closing_speed_m_s
+        seen_m_s = own - lead.closing_speed_m_s
         return abs(speed_m_s - seen_m_s) <= self._parameters.speed_tolerance_m_s
 
     def _is_within(self, headway_s: float, now: float) -> bool:
         """Compare the gap with the safety distance, headway times own speed (LCCA, section 3)."""
-        speed, preceding = self.speed_at(now), self._preceding
-        return preceding is not None and speed is not None and preceding.gap_m < headway_s * speed
+        speed, lead = self.speed_at(now), self._lead
+        return lead is not None and speed is not None and lead.gap_m < headway_s * speed

@@ -1,4 +1,4 @@
-"""Membership in the group of the preceding vehicle: join, refresh, reply, leave.
+"""Membership in the predecessor's group: join, refresh, reply, leave.
 
 Membership is soft state: a join is repeated until it is answered, an answered join is refreshed,
 and what is not refreshed expires. While the camera identifies another vehicle than the predecessor,
@@ -30,14 +30,14 @@ class Membership:
 
         Args:
             parameters: times and limits of the warning group.
-            lead_monitor: identifies the vehicle ahead.
+            lead_monitor: knows the lead and how close it is.
             rng: draws the first sequence number and the spread of joins.
         """
         self._parameters = parameters
         self._lead_monitor = lead_monitor
         self._rng = rng
         self.predecessor: CarId | None = None
-        """The vehicle that this one follows."""
+        """The lead vehicle that this one follows."""
         self._candidate: CarId | None = None
         """Another vehicle that is sent joins."""
         self._unanswered = 0
@@ -49,7 +49,7 @@ class Membership:
 
     def receive_frame(self, own_id: CarId, now: float) -> None:
         """Update the candidate after a frame that the lead monitor has received."""
-        wanted = self._lead_monitor.vehicle_to_join(now)
+        wanted = self._lead_monitor.lead_to_join(now)
         if wanted == own_id:
             wanted = None
         candidate = self._candidate
@@ -152,7 +152,7 @@ class Membership:
         return None
 
     def leave(self, now: float) -> None:
-        """Follow no vehicle. If the preceding vehicle stays too close, it is sent joins again."""
+        """Follow no vehicle. If the former predecessor stays too close, it is sent joins again."""
         if self._candidate is None and self._lead_monitor.identified == self.predecessor:
             self._set_candidate(None, now)
         self.predecessor = None

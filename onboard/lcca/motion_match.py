@@ -1,21 +1,21 @@
-"""Whether a vehicle on the air moves as the vehicle ahead does.
+"""Whether a vehicle on the air moves as the lead does.
 
 BSMs and answers give the speed of a vehicle on the air, and the own speed less the closing speed
-that of the vehicle ahead. Each sample of the latter is explained in two ways:
+that of the lead. Each sample of the latter is explained in two ways:
 
-- The vehicle on the air is ahead: the sample is that vehicle's speed a moment ago, plus a constant
-  difference of the speedometers, plus noise.
-- Another vehicle is ahead: the sample is near the one before, since speeds change slowly. How
+- The vehicle on the air is the lead: the sample is that vehicle's speed a moment ago, plus a
+  constant difference of the speedometers, plus noise.
+- Another vehicle is the lead: the sample is near the one before, since speeds change slowly. How
   slowly is learnt from the samples: at constant speeds, equal speeds are no evidence.
 
 Both are Kalman filters with one state. The logarithm of the ratio of their likelihoods is the
 evidence, and a sequential probability ratio test (Wald 1945) if it is summed from the start. Its
 cumulative sum from its last maximum (CUSUM; Page 1954, Continuous inspection schemes) shows that a
-vehicle has ceased to be the one ahead.
+vehicle has ceased to be the lead.
 
 A change of the own speed that no brakes explain, and that a second sample confirms, is an error of
 the own speedometer, or its end. All vehicles then begin anew: otherwise a speedometer that was
-wrong for seconds would refute the vehicle ahead for minutes.
+wrong for seconds would refute the lead for minutes.
 """
 
 import math
@@ -77,8 +77,8 @@ class _Filter:
         return _log_density(innovation, total)
 
 
-class _SpeedAhead:
-    """The speed of the vehicle ahead as its own past predicts it."""
+class _LeadSpeed:
+    """The speed of the lead as its own past predicts it."""
 
     def __init__(self, own_speed_m_s: float) -> None:
         self._filters = [_Filter(own_speed_m_s, TRAFFIC_M_S**2) for _ in WANDERS_M_S]
@@ -88,7 +88,7 @@ class _SpeedAhead:
         """Take a sample and return the logarithm of its likelihood.
 
         Args:
-            speed_m_s: of the vehicle ahead.
+            speed_m_s: of the lead.
             noise: variance of the sample.
             seconds: since the sample before.
         """
@@ -121,11 +121,11 @@ class _Vehicle:
 
 
 class MotionMatch:
-    """Evidence for each vehicle on the air that it is the one ahead."""
+    """Evidence for each vehicle on the air that it is the lead."""
 
     def __init__(self) -> None:
         self._vehicles: OrderedDict[bytes, _Vehicle] = OrderedDict()
-        self._ahead: _SpeedAhead | None = None
+        self._lead_speed: _LeadSpeed | None = None
         self._sampled_at = -math.inf
         self._before: tuple[float, float] | None = None
         """Time and own speed of the last sample that did not jump."""
@@ -133,8 +133,8 @@ class MotionMatch:
         """The last own speed, if it differs from that one by more than brakes explain."""
 
     def restart(self) -> None:
-        """Drop all evidence, not the speeds: another vehicle is ahead."""
-        self._ahead = self._before = None
+        """Drop all evidence, not the speeds: another vehicle is the lead."""
+        self._lead_speed = self._before = None
         self._jumped_m_s = None
         self._sampled_at = -math.inf
         for vehicle in self._vehicles.values():
@@ -153,10 +153,10 @@ class MotionMatch:
                 break
             self._vehicles.popitem(last=False)
 
-    def receive_speed_ahead(
+    def receive_lead_speed(
         self, speed_m_s: float, sigma_m_s: float, own_speed_m_s: float, now: float
     ) -> None:
-        """Take a speed of the vehicle ahead.
+        """Take a speed of the lead.
 
         Args:
             speed_m_s: own speed less closing speed.
@@ -173,10 +173,10 @@ class MotionMatch:
         if self._jumped_m_s is None:
             self._before = now, own_speed_m_s
         self._sampled_at = now
-        if self._ahead is None:
-            self._ahead = _SpeedAhead(own_speed_m_s)
+        if self._lead_speed is None:
+            self._lead_speed = _LeadSpeed(own_speed_m_s)
             seconds = 0.0
-        by_itself = self._ahead.update(speed_m_s, noise, seconds)
+        by_itself = self._lead_speed.update(speed_m_s, noise, seconds)
         for vehicle in self._vehicles.values():
             if vehicle.offsets:
                 self._compare(vehicle, speed_m_s, noise, by_itself, now)
@@ -184,7 +184,7 @@ class MotionMatch:
                 self._begin(vehicle, speed_m_s, noise, own_speed_m_s, now)
 
     def log_ratio(self, name: bytes) -> float:
-        """Logarithm of the likelihood ratio that this vehicle is ahead; 0 if nothing is known."""
+        """Logarithm of the likelihood ratio that it is the lead; 0 if nothing is known."""
         vehicle = self._vehicles.get(name)
         return 0.0 if vehicle is None else vehicle.log_ratio
 
@@ -226,7 +226,7 @@ class MotionMatch:
     def _begin(
         self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float, now: float
     ) -> None:
-        """Compare the first speed of a vehicle: with the one ahead, and with all traffic."""
+        """Compare the first speed of a vehicle: with the lead's, and with all traffic."""
         on_air_m_s = speed_at(vehicle.speeds, max(now, vehicle.speeds[0][0]))
         if on_air_m_s is None:
             return

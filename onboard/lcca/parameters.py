@@ -8,11 +8,11 @@ class GroupParameters:
     """Distances are headways: gap divided by the own speed."""
 
     join_headway_s: float = 1.98
-    """Below it a vehicle joins the preceding one: 0.55 m for each km/h (LCCA, section 3)."""
+    """Below it a vehicle joins its lead: 0.55 m for each km/h (LCCA, section 3)."""
     leave_headway_s: float = 2.2
     """From it on the vehicle leaves. The margin to `join_headway_s` absorbs noise of the gap."""
     lead_hold_s: float = 1.0
-    """How long a membership outlasts the last frame that showed the preceding vehicle close."""
+    """How long a membership outlasts the last frame that showed the predecessor close."""
     speed_hold_s: float = 1.0
     """How long a speed sample is valid. Without a speed no gap is too small."""
     speed_tolerance_m_s: float = 5.0

@@ -1,4 +1,4 @@
-"""Whether a vehicle on the air is where the vehicle ahead is, if both vehicles have a position.
+"""Whether a vehicle on the air is where the lead is, if both vehicles have a position.
 
 GNSS errors of several metres last for minutes, so only the latest position counts, once, and its
 evidence is bounded: it excludes vehicles elsewhere, and does not tell lanes apart.
@@ -20,13 +20,13 @@ LEAST, MOST = -5.0, 4.0
 
 
 def position_log_ratio(ahead_m: float, right_m: float, sigma_m: float, gap_m: float) -> float:
-    """Return the logarithm of the likelihood ratio that the vehicle ahead is there.
+    """Return the logarithm of the likelihood ratio that this vehicle is the lead.
 
     Args:
         ahead_m: of the host vehicle, by both positions.
         right_m: of the host vehicle's heading.
         sigma_m: of either, as the receivers report it.
-        gap_m: to the vehicle ahead, by the camera.
+        gap_m: to the lead, by the camera.
     """
     along_m = math.hypot(sigma_m, GNSS_M, SHAPE_M)
     across_m = math.hypot(sigma_m, GNSS_M, ACROSS_M)

@@ -13,7 +13,7 @@ class LccaSettings(Settings):
     """The warning group."""
 
     join_headway_s: float = Field(DEFAULTS.join_headway_s, gt=0.0, le=10.0)
-    """Below it the car joins the preceding one: 0.55 m for each km/h (LCCA, section 3)."""
+    """Below it the car joins its lead: 0.55 m for each km/h (LCCA, section 3)."""
     leave_headway_s: float = Field(DEFAULTS.leave_headway_s, gt=0.0, le=10.0)
     """From it on the car leaves; not less than `join_headway_s`."""
     slot_s: float = Field(DEFAULTS.slot_s, gt=0.0, le=0.5)

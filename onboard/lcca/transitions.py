@@ -5,10 +5,10 @@ Theory
 
 A warning group is a row of vehicles in one lane, each closer to the one ahead than the safety
 distance. No vehicle holds a list of all members. The group consists of pairs: a vehicle *follows*
-the vehicle that its camera shows ahead, from the reply to its join until it leaves. The state
-follows from two facts that each vehicle knows without others:
+its *predecessor*, the lead vehicle that its camera shows, from the reply to its join until it
+leaves. The state follows from two facts that each vehicle knows without others:
 
-- does it follow the preceding vehicle (its join was answered, and it has not left since)?
+- does it follow a predecessor (its join was answered, and it has not left since)?
 - is it followed (its warning list is not empty)?
 
     follows | is followed | state
@@ -22,8 +22,8 @@ it is followed and does not follow. The two facts change one at a time, each in 
 which gives four events; two more concern a vehicle that stays a member:
 
 - FOLLOWED, UNFOLLOWED: the warning list got its first follower, or lost its last one.
-- JOINED: the preceding vehicle answered. A member that JOINED changes its predecessor without
-  having left the group in between.
+- JOINED: the lead vehicle answered and is now the predecessor. A member that JOINED changes its
+  predecessor without having left the group in between.
 - LEFT_LEADING, LEFT_ALONE: the vehicle follows no longer, and is followed or not. Two events, so
   that the table needs no condition.
 - RENUMBERED: leader or number changed because of a change further ahead.

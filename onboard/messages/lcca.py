@@ -1,10 +1,10 @@
 """The messages of a warning group (LCCA, section 3), each declared once.
 
-Inquiry and Answer precede the group: they find out which car is ahead. Every other message has its
-sender, leader and group number: each car computes from all received messages how far behind in the
-group its radio reaches. Join, Reply and Leave go one hop, to the car they name. Update and Warn go
-to all cars behind in the group, over several hops; `sender_id` is then the car that forwards, and
-`event_*` identifies the event of which it is a copy.
+Inquiry and Answer precede the group: they find out which car is the lead. Every other message has
+its sender, leader and group number: each car computes from all received messages how far behind in
+the group its radio reaches. Join, Reply and Leave go one hop, to the car they name. Update and Warn
+go to all cars behind in the group, over several hops; `sender_id` is then the car that forwards,
+and `event_*` identifies the event of which it is a copy.
 
 On the wire: one byte version, one byte type, then the fields.
 """
@@ -38,20 +38,20 @@ _Speed = Annotated[float | None, FixedPoint(16, 0.01, "m/s", highest=65534, unav
 
 
 class LeaveReason(Enum):
-    """Why a car leaves the group of the car ahead."""
+    """Why a car leaves its predecessor's group."""
 
     GAP = 1
     """The gap is larger than the safety distance."""
     NOT_AHEAD = 2
-    """The camera no longer detects that car ahead."""
+    """The camera no longer shows the predecessor as the lead."""
     FOLLOWS_ANOTHER = 3
-    """Another car ahead has been joined."""
+    """Another lead has been joined."""
     NO_ANSWER = 4
-    """The car ahead no longer answers."""
+    """The predecessor no longer answers."""
     LEADER_SILENT = 5
-    """The car ahead answers, but no longer receives its leader's sequence numbers."""
+    """The predecessor answers, but no longer receives its leader's sequence numbers."""
     SPEED_UNKNOWN = 6
-    """The car behind has no speed, and so no safety distance."""
+    """The follower has no speed, and so no safety distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Join:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """`M_reply`: confirms a join, with the leader and number of the car ahead."""
+    """`M_reply`: confirms a join, with the leader and number of its sender, now the predecessor."""
 
     kind: ClassVar[str] = "reply"
     code: ClassVar[int] = 2
@@ -95,7 +95,7 @@ class Reply:
     leader_sequence: Annotated[int, Unsigned(16)]
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
-    """Speed of the sender, for comparison with the camera of the car behind."""
+    """Speed of the sender, for comparison with the follower's camera."""
     next_leader_id: _CarId
     """The leader's ID of the next epoch, masked (`onboard/lcca/epoch_ids.py`); `NO_ID` if it is
     not known."""
@@ -197,8 +197,8 @@ class Inquiry:
     sequence: _Sequence
     """Repeated in the answer."""
     names: Annotated[tuple[bytes, ...], SequenceOf(OctetString(NAME_BYTES), 1, MAX_NAMES)]
-    """First bytes of communication IDs of the texts that the plate ahead may bear, or temporary IDs
-    of BSMs, sorted."""
+    """First bytes of communication IDs of the texts that the lead's plate may bear, or temporary
+    IDs of BSMs, sorted."""
 
 
 @dataclass(frozen=True, slots=True)

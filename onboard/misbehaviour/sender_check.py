@@ -1,9 +1,9 @@
 """Who may send a group message: what signatures and BSMs say of its sender.
 
 Two plates that differ by look-alike characters only have one communication ID, and an insider may
-claim any. The preceding vehicle is therefore known by its signer too. Of the vehicles ahead of it,
-an ID that two signers use proves nothing: only what the preceding vehicle repeats is accepted. And
-who drives in the opposite direction is in no group of this one.
+claim any. The predecessor is therefore known by its signer too. Of the vehicles ahead of it, an ID
+that two signers use proves nothing: only what the predecessor repeats is accepted. And who drives
+in the opposite direction is in no group of this one.
 """
 
 import math
@@ -30,8 +30,8 @@ def sender_violation(
         message: the message.
         signer: its signer.
         misbehaviour: knows who uses which ID, and the BSMs of all signers.
-        predecessor_id: of the vehicle that is followed.
-        predecessor_signer: of that vehicle, as far as it is known.
+        predecessor_id: of the vehicle that this one follows; `None`: it follows none.
+        predecessor_signer: its signer; `None` while it is not known.
         heading_rad: of the own vehicle, clockwise from north; `None` if it is not known.
     """
     is_predecessor = message.sender_id == predecessor_id

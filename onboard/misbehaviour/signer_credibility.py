@@ -159,7 +159,7 @@ class SignerCredibility(Core):
                 self._confirm(claim, now)
 
     def receive_traffic_speed(self, speed_m_s: float, now: float) -> None:
-        """Take the speed of the vehicle ahead by own sensors; without any, the own speed."""
+        """Take the speed of the lead by own sensors; without any, the own speed."""
         self._speeds.append((now, speed_m_s))
         for claim in self._claims.values():
             if claim.slows_traffic:
@@ -168,7 +168,7 @@ class SignerCredibility(Core):
                     self._confirm(claim, now)
 
     def receive_other_traffic(self) -> None:
-        """Note that another vehicle is ahead now: its speed is not compared with the last one's."""
+        """Note that the lead is another one now: its speed is not compared with the last one's."""
         self._speeds.clear()
         for claim in self._claims.values():
             claim.fastest_m_s = -math.inf

@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.errors import DecodeError
 from onboard.lcca.epoch_ids import CarIds, EpochIds
-from onboard.lcca.events import PrecedingVehicle, TrackedVehicle, WarningLevel, WarningRaised
+from onboard.lcca.events import MeasuredLead, TrackedLead, WarningLevel, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.lcca.parameters import GroupParameters
@@ -67,11 +67,11 @@ class LccaApplication:
         self._events: deque[Event] = deque()
 
     def receive_lead(self, lead: Lead, now: float) -> None:
-        """Find out which car is ahead, and let the group follow it."""
+        """Find out which car is the lead, and let the group follow it."""
         self._lead = lead
         utc_s = self._security.utc_s(now)
-        vehicle = TrackedVehicle.of(lead, lambda text: self._digest.car_id(text, utc_s))
-        self.identification.receive_lead(vehicle, now)
+        tracked = TrackedLead.of(lead, lambda text: self._digest.car_id(text, utc_s))
+        self.identification.receive_lead(tracked, now)
         self.follow_lead(now)
 
     def follow_lead(self, now: float) -> None:
@@ -79,17 +79,17 @@ class LccaApplication:
         lead = self._lead
         if lead is None:
             return
-        preceding = None
+        vehicle = None
         if lead.gap_m is not None:
             identity = self.identification.identity
             ids = CarIds(None if identity is None else identity.car_id)
             if identity is not None and identity.text is not None:
                 ids = self._epoch_ids.of(identity.text, self._security.utc_s(now))
-            preceding = PrecedingVehicle(
+            vehicle = MeasuredLead(
                 ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
             )
         is_unknown = lead.identity is LeadIdentity.UNKNOWN
-        self.group.receive_preceding_vehicle(preceding, now, is_unknown=is_unknown)
+        self.group.receive_lead(vehicle, now, is_unknown=is_unknown)
 
     def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
         """Take the own IDs of a new epoch; `follow_lead` then tells the group the lead's."""
@@ -142,10 +142,10 @@ class LccaApplication:
 
     def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
         """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
-        ahead_text, utc_s = self._ahead_text, self._security.utc_s(now)
+        lead_text, utc_s = self._lead_text, self._security.utc_s(now)
         return [
             *(
-                self._epoch_ids.to_send(message, ahead_text, utc_s)
+                self._epoch_ids.to_send(message, lead_text, utc_s)
                 for message in self.group.messages_to_send(now)
             ),
             *self.identification.messages_to_send(),
@@ -172,7 +172,7 @@ class LccaApplication:
             message.sender_id
         ):
             message = message.without_acknowledgement()
-        clear = self._epoch_ids.received(message, self._ahead_text, self._security.utc_s(now))
+        clear = self._epoch_ids.received(message, self._lead_text, self._security.utc_s(now))
         self.group.receive_message(clear, now)
 
     def _refuses(
@@ -204,8 +204,8 @@ class LccaApplication:
         return self._claims.is_ignored(message.event_origin_id.hex(), (signer,), now)
 
     @property
-    def _ahead_text(self) -> str | None:
-        """Plate of the preceding vehicle, if it is identified by it."""
+    def _lead_text(self) -> str | None:
+        """Plate of the lead, if it is identified by it."""
         identity = self.identification.identity
         return None if identity is None else identity.text
 

@@ -205,7 +205,7 @@ class Stack:
 
     @property
     def identification(self) -> Identification:
-        """Identification of the car ahead, for display."""
+        """Identification of the lead, for display."""
         return self._lcca.identification
 
     @property

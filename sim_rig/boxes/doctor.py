@@ -1,4 +1,4 @@
-"""What `sim-rig doctor` drives with a box, and what it finds: a car ahead at a steady distance."""
+"""What `sim-rig doctor` drives with a box, and what it finds: a lead at a steady distance."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from sim_rig.scenario.field_types import PlateText
 from sim_rig.scenario.schema import Scenario
 
 SPEED_M_S, GAP_M, LENGTH_M = 15.0, 12.0, 4.5
-"""The headway of 0.8 s is far below that of a warning group, so the box joins the car ahead."""
+"""The headway of 0.8 s is far below that of a warning group, so the box joins its lead."""
 DURATION_S = 12.0
 LASTING_S = 3.0
 """A sensor that is silent for less is not called missing: images may be late."""
@@ -32,7 +32,7 @@ def doctor_scenario(car: str, box: BoxSettings) -> Scenario:
     Raises:
         SettingsError: `car` cannot be the name of a car.
     """
-    ahead = car_ahead(car)
+    lead = lead_of(car)
     motion = {"lane": 1.0, "speed_m_s": SPEED_M_S, "length_m": LENGTH_M}
     tree = {
         "title": "One car drives ahead of a box.",
@@ -40,7 +40,7 @@ def doctor_scenario(car: str, box: BoxSettings) -> Scenario:
         "duration_s": DURATION_S,
         "radio": {"reach_m": 300.0},
         "cars": {
-            ahead: motion | _other_identity(box.plate) | {"start_m": GAP_M + LENGTH_M},
+            lead: motion | _other_identity(box.plate) | {"start_m": GAP_M + LENGTH_M},
             car: motion | _identity(box.plate) | {"start_m": 0.0},
         },
         "expect": [],
@@ -52,17 +52,17 @@ def doctor_scenario(car: str, box: BoxSettings) -> Scenario:
     return parse_settings(tree, Scenario, "doctor")
 
 
-def car_ahead(car: str) -> str:
-    """Name of the other car."""
+def lead_of(car: str) -> str:
+    """Name of the lead of this car."""
     return "ahead" if car != "ahead" else "first"
 
 
 def findings_of_drive(car: str, log: RunLog) -> Iterator[Finding]:
-    """Yield what the drive shows of the box, from its recording and from the car ahead."""
+    """Yield what the drive shows of the box, from its recording and from its lead."""
     yield from _clock(car, log)
     yield from _differences(car, log)
-    yield from _refused(log, car_ahead(car), "the car ahead refuses of the box")
-    yield from _refused(log, car, "the box refuses of the car ahead")
+    yield from _refused(log, lead_of(car), "the lead refuses of the box")
+    yield from _refused(log, car, "the box refuses of the lead")
     yield from _lost(log, car)
     if car not in log.unjudged and car not in log.by_messages:
         yield _group(log, car)
@@ -124,7 +124,7 @@ def _group(log: RunLog, car: str) -> Finding:
         return Finding("group", FindingLevel.GOOD, detail)
     read = {record["text"] for record in log.of(car, "lead") if record["text"]}
     if not read:
-        detail = "the box reads no plate or tag of the car ahead"
+        detail = "the box reads no plate or tag of the lead"
         return Finding("group", FindingLevel.MISSING, detail, _CALIBRATION)
     detail = f"the box has read {', '.join(sorted(read))}, and joined nobody"
     return Finding("group", FindingLevel.MISSING, detail, _DIGEST)
@@ -135,7 +135,7 @@ def _identity(text: PlateText) -> dict[str, object]:
 
 
 def _other_identity(text: PlateText) -> dict[str, object]:
-    """Identity of the car ahead: of the kind that the box has, and not its own."""
+    """Identity of the lead: of the kind that the box has, and not its own."""
     others = ("TAG1", "TAG2") if _is_tag(text) else ("GN417KB", "YW903MS")
     return _identity(next(each for each in others if each != text))
 

@@ -311,7 +311,7 @@ class LaneTraffic(Traffic):
             self._driven = self._driven.joined(f"car{self._count}", lane, newcomer)
 
     def _newcomer(self, ahead_m_s: float) -> _Newcomer:
-        """Draw a car, no faster than the car ahead."""
+        """Draw a car, no faster than its lead."""
         drivers = self._drivers
         length_m = self._rng.uniform(*drivers.length_m)
         spread = np.clip(self._rng.normal(), -2.0, 2.0) * drivers.top_speed_sigma_m_s

@@ -81,7 +81,7 @@ def _states(log: RunLog) -> dict[str, Array]:
 
 
 def _true_gaps_m(of_car: Mapping[str, Array], own: str, ahead: list[str], at_s: Array) -> Array:
-    """Distance from the own front to the rear of the car ahead, on a straight road."""
+    """Distance from the own front to the rear of the lead, on a straight road."""
     gaps_m = np.empty(len(at_s))
     for name in set(ahead):
         rows = np.array([each == name for each in ahead])

@@ -11,8 +11,8 @@ from tests.architecture.imports import ROOT
 PROGRAMS = ("onboard", "sim_rig", "bench", "deploy", "training", "tools", "fuzz")
 
 RETIRED_WORDS = frozenset({
-    "doorkeeper", "lookout", "mending", "onlooker", "onlookers", "plausibility", "shelf", "shelves",
-    "strangers", "told",
+    "doorkeeper", "lookout", "mending", "onlooker", "onlookers", "plausibility", "preceding",
+    "shelf", "shelves", "strangers", "told",
 })  # fmt: skip
 """Words of no identifier and file name at all."""
 
@@ -25,12 +25,13 @@ RETIRED_IN_PROGRAMS = RETIRED_WORDS | {
 """Words of no identifier and file name of a program."""
 
 RETIRED_NAMES = frozenset({
-    ("held", "warnings"), ("own", "car"),
+    ("car", "ahead"), ("held", "warnings"), ("own", "car"), ("plate", "ahead"),
 })  # fmt: skip
 """Words that no identifier and file name has in a row."""
 
 RETIRED_IN_PAGES = re.compile(
-    r"\b(doorkeeper|lookout|mending|onlookers?|own car|own_car|schooling|shelf|told)\b",
+    r"\b(doorkeeper|lookout|mending|onlookers?|own car|own_car|preceding|schooling|shelf|told"
+    r"|the (car|vehicle) ahead)\b",
     re.IGNORECASE,
 )
 

@@ -30,7 +30,7 @@ AHEAD = LabelledFrame(CAR, is_free=False, vehicles=(CAR,))
 FREE = LabelledFrame(None, is_free=True, vehicles=())
 
 
-def test_a_vehicle_ahead_is_found_unknown_or_overlooked() -> None:
+def test_a_lead_is_found_unknown_or_overlooked() -> None:
     answers = [lead_at(PLATE), UNKNOWN, NOTHING, lead_at(ELSEWHERE)]
 
     tally = score(frames(*answers), dict.fromkeys(range(4), AHEAD))

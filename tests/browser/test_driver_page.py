@@ -35,7 +35,7 @@ def shared_row() -> Iterator[Row]:
 @pytest.fixture
 def row(shared_row: Row) -> Row:
     """The shared row, reset to its initial state."""
-    shared_row.camera_works, shared_row.plate_ahead = True, "RD288HX"
+    shared_row.camera_works, shared_row.lead_plate = True, "RD288HX"
     shared_row.detections, shared_row.candidates = (), ()
     return shared_row
 
@@ -271,7 +271,7 @@ def test_a_page_without_data_shows_that_and_reconnects(page: Page, row: Row) -> 
 
 
 def test_received_texts_are_not_interpreted_as_html(page: Page, row: Row) -> None:
-    row.plate_ahead = HOSTILE
+    row.lead_plate = HOSTILE
     expect(page.locator("#road .plate-text")).to_have_text(HOSTILE)
     row.send_event(SensorLost(row.now, Sensor.SPEED, 1.0, HOSTILE))
     expect(page.locator("#sensors .lost small")).to_have_text(HOSTILE)

@@ -47,7 +47,7 @@ FRAMES = 20
 
 @dataclass(frozen=True)
 class Seen:
-    """What the camera says of the vehicle ahead."""
+    """What the camera says of the lead."""
 
     texts: set[str | None]
     gap_m: float

@@ -52,11 +52,11 @@ class Row:
         self.hmi = hmi
         self.plates = plates
         self.gap_m = gap_m
-        self.plate_ahead: str | None = plates[-2] if len(plates) > 1 else None
+        self.lead_plate: str | None = plates[-2] if len(plates) > 1 else None
         self.detections: tuple[tuple[float, float], ...] = ()
         """Further vehicles in the last camera's image: ahead and right, in m."""
         self.candidates: tuple[str, ...] = ()
-        """Texts of the plate ahead of the last vehicle, if it is not read for certain."""
+        """Texts that the plate of the last vehicle's lead may bear, if it is not certain."""
         self.camera_works = True
         self.sees_lane = True
         self.now = 0.0
@@ -171,7 +171,7 @@ class Row:
             is_last = number == len(self.plates) - 1
             self._receive(number, Speed(self.now, SPEED_M_S, 0.28, "obd:7E8"))
             if not is_last or self.camera_works:
-                text = self.plate_ahead if is_last else ahead
+                text = self.lead_plate if is_last else ahead
                 lead = (
                     Lead(self.now, LeadIdentity.NO_LEAD)
                     if text is None

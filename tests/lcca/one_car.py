@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from onboard.lcca.events import PrecedingVehicle, Transition
+from onboard.lcca.events import MeasuredLead, Transition
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import NO_ID, CarId, Join, LccaMessage, Reply
@@ -22,7 +22,7 @@ class OneCar:
 
     def sees(self, ahead: CarId | None, now: float, gap_m: float = 20.0, closing: float = 0.0):
         self.group.receive_speed(20.0, now)
-        self.group.receive_preceding_vehicle(PrecedingVehicle(ahead, gap_m, closing), now)
+        self.group.receive_lead(MeasuredLead(ahead, gap_m, closing), now)
 
     def says(self, now: float) -> list[LccaMessage]:
         self.group.handle_timer(now)

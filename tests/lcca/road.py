@@ -13,7 +13,7 @@ from itertools import count
 import networkx as nx
 import numpy as np
 
-from onboard.lcca.events import PrecedingVehicle, Transition, WarningRaised
+from onboard.lcca.events import MeasuredLead, Transition, WarningRaised
 from onboard.lcca.group import GroupEvents, WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent
@@ -197,10 +197,10 @@ class Road:
         if car.has_bus:
             car.group.receive_speed(car.speed_m_s, self.now)
         if car.has_camera:
-            car.group.receive_preceding_vehicle(self._seen_by(car), self.now)
+            car.group.receive_lead(self._seen_by(car), self.now)
         self._serve(car)
 
-    def _seen_by(self, car: Car) -> PrecedingVehicle | None:
+    def _seen_by(self, car: Car) -> MeasuredLead | None:
         ahead = self.ahead_of(car)
         if ahead is None:
             return None
@@ -209,9 +209,9 @@ class Road:
             car.speed_m_s - ahead.speed_m_s,
         )
         if car.misread_as:
-            return PrecedingVehicle(car.misread_as, gap_m, closing_speed_m_s)
+            return MeasuredLead(car.misread_as, gap_m, closing_speed_m_s)
         # The plate is digested with the observer's own epoch, as in the car.
-        return PrecedingVehicle(
+        return MeasuredLead(
             car_id(ahead.name, car.epoch),
             gap_m,
             closing_speed_m_s,
@@ -268,7 +268,7 @@ def places(road: Road) -> dict[str, tuple[str, int]]:
 def true_places(road: Road) -> dict[str, tuple[str, int]]:
     """The oracle: who leads whom, read off the road.
 
-    A car follows the next car ahead if the gap is below the safety distance of 0.55 m for each
+    A car follows its lead if the gap is below the safety distance of 0.55 m for each
     km/h of its own speed. (Tests keep gaps out of the hysteresis.)
     """
     graph = nx.DiGraph()

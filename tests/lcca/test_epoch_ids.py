@@ -53,7 +53,7 @@ def reply(utc_s: float) -> Reply:
 
 @pytest.mark.parametrize("clocks_apart_s", [-2.0, 0.0, 2.0])
 @pytest.mark.parametrize("utc_s", [MIDDLE_S, ENDS_S - 1.0, ENDS_S + 1.0])
-def test_who_has_read_the_plate_ahead_reads_the_leaders_next_id(
+def test_who_has_read_the_lead_plate_reads_the_leaders_next_id(
     utc_s: float, clocks_apart_s: float
 ) -> None:
     sent = ids_of(AHEAD).to_send(reply(utc_s), None, utc_s)
@@ -83,7 +83,7 @@ def test_the_previous_id_in_a_join_is_read_by_the_vehicle_that_is_joined_only() 
     assert ids_of(STRANGER).received(sent, None, now_s).previous_id == NO_ID
 
 
-def test_without_the_plate_ahead_no_previous_id_is_sent() -> None:
+def test_without_the_lead_plate_no_previous_id_is_sent() -> None:
     join = Join(car_id(BEHIND, ENDS_S), LEADER, 3, b"somebody", 7, NO_ID, 0, b"previous")
     assert ids_of(BEHIND).to_send(join, None, ENDS_S).previous_id == NO_ID
 

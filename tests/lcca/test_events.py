@@ -1,8 +1,8 @@
-"""The vehicle ahead, as identification takes it from a camera's lead."""
+"""The tracked lead that the identification is given, made from a lead of the camera."""
 
 import pytest
 
-from onboard.lcca.events import TrackedVehicle
+from onboard.lcca.events import TrackedLead
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
 
 
@@ -20,7 +20,7 @@ def test_texts_of_one_id_are_one_candidate() -> None:
         ),
     )
 
-    vehicle = TrackedVehicle.of(lead, lambda text: text.replace("I", "1").encode())
+    vehicle = TrackedLead.of(lead, lambda text: text.replace("I", "1").encode())
 
     assert vehicle is not None
     assert [(each.text, each.car_id) for each in vehicle.candidates] == [

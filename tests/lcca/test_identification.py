@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedVehicle
+from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identification import (
     ASK_HEADWAY_S,
     RETRY_MAX_S,
@@ -47,7 +47,7 @@ class Drive:
             for car_id, speed_m_s in (answering or {}).items():
                 temporary_id = TEMPORARY[car_id]
                 self.core.receive_speed_on_air(temporary_id, temporary_id, speed_m_s, self.now)
-            lead = TrackedVehicle(self.now, track_id, gap_m, SPEED_M_S - ahead_m_s, 0.3, candidates)
+            lead = TrackedLead(self.now, track_id, gap_m, SPEED_M_S - ahead_m_s, 0.3, candidates)
             self.core.receive_lead(lead, self.now)
             self.settle(answering or {})
             self.now += FRAME_S
@@ -113,7 +113,7 @@ def test_late_images_are_compared_with_the_own_speed_at_their_time() -> None:
             drive.core.receive_speed_on_air(TEMPORARY[car], TEMPORARY[car], speed_m_s, drive.now)
         if drive.now >= image_s + rng.uniform(0.2, 0.6):
             closing_m_s = own_m_s(image_s) - 11.0
-            lead = TrackedVehicle(image_s, 1, 20.0, closing_m_s, 0.3, names)
+            lead = TrackedLead(image_s, 1, 20.0, closing_m_s, 0.3, names)
             drive.core.receive_lead(lead, drive.now)
             image_s = drive.now
         drive.settle(answering)
@@ -159,9 +159,7 @@ def test_what_nobody_answers_to_stays_unknown_and_is_asked_ever_more_rarely() ->
     assert len(times) < 16
 
 
-def test_while_a_car_on_the_air_moves_as_the_one_ahead_lost_answers_are_soon_asked_for_again() -> (
-    None
-):
+def test_while_a_car_on_the_air_moves_as_the_lead_lost_answers_are_soon_asked_for_again() -> None:
     drive = Drive()
     for step in range(200):
         speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 30.0)
@@ -214,7 +212,7 @@ def test_another_track_has_no_identity_and_a_former_one_has_its_own_again() -> N
     assert drive.identified is None
 
 
-def test_a_car_that_ceases_to_move_as_the_one_ahead_is_dropped_within_seconds() -> None:
+def test_a_car_that_ceases_to_move_as_the_lead_is_dropped_within_seconds() -> None:
     drive = Drive()
     drive.look(candidate(AHEAD, 0.98), seconds=5.0, answering={AHEAD: SPEED_M_S})
     drive.look(
@@ -305,7 +303,7 @@ def test_nothing_is_asked_far_ahead_at_a_standstill_and_for_the_own_plate() -> N
     own.look(candidate(OWN, 0.9), seconds=2.0)
     still = Drive()
     still.core.receive_speed(0.0, 0.0)
-    still.core.receive_lead(TrackedVehicle(0.0, 1, 5.0, 0.0, 0.3, (candidate(AHEAD, 0.9),)), 0.0)
+    still.core.receive_lead(TrackedLead(0.0, 1, 5.0, 0.0, 0.3, (candidate(AHEAD, 0.9),)), 0.0)
     assert far.inquiries == own.inquiries == still.core.messages_to_send() == []
 
 
@@ -395,7 +393,7 @@ def test_after_a_change_of_ids_an_identified_car_is_asked_again_for_its_bsms() -
 
 
 def test_a_neighbour_in_number_that_answers_is_not_believed_for_a_silent_likelier_text() -> None:
-    """The car ahead may have no radio, and the one that answers be of the same fleet."""
+    """The lead may have no radio, and the one that answers be of the same fleet."""
     drive = Drive()
     silent = CandidateCar("GN418KB", FAR, 0.7)
     answered = CandidateCar("GN412KB", TWIN, 0.3)
@@ -407,7 +405,7 @@ def test_a_neighbour_in_number_that_answers_is_not_believed_for_a_silent_likelie
     assert drive.identified == TWIN
 
 
-def test_a_car_whose_first_answer_was_lost_is_still_the_one_ahead() -> None:
+def test_a_car_whose_first_answer_was_lost_is_still_the_lead() -> None:
     drive = Drive()
     texts = CandidateCar("GN418KB", AHEAD, 0.6), CandidateCar("GN412KB", TWIN, 0.4)
     drive.look(*texts, seconds=0.3, answering={TWIN: SPEED_M_S + 3.0})

@@ -52,7 +52,7 @@ def test_answers_for_near_numbers_leave_the_decision_to_text_and_motion() -> Non
 
 
 def test_a_silent_text_near_the_one_answered_keeps_its_weight() -> None:
-    """The car ahead may have no radio, and its neighbour in number answers."""
+    """The lead may have no radio, and its neighbour in number answers."""
     texts = [asked("AB128", 0.9), asked("AB123", 0.1)]
     assert vehicle_probabilities(texts, {A: "AB123"}, {A: 2.0})[A] < 0.99
     assert vehicle_probabilities(texts, {A: "AB123"}, {A: 7.0})[A] > 0.999

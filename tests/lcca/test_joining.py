@@ -86,7 +86,7 @@ def test_an_answered_join_is_refreshed_twice_a_second() -> None:
     road.run(2.0)
     before = len(road.sent)
     road.run(60.0)
-    # Four followers, one join and one reply each; some are early, on hearing the car ahead's.
+    # Four followers, one join and one reply each; some are early, on hearing the lead's.
     assert 4 * 2 * 110 <= len(road.sent) - before <= 4 * 2 * 130
 
 
@@ -134,7 +134,7 @@ def test_a_late_reply_does_not_bring_back_the_old_leader() -> None:
 
 def test_a_reply_whose_speed_contradicts_the_camera_is_refused() -> None:
     car = OneCar()
-    car.sees(A, 0.0, closing=0.0)  # the car ahead drives 20 m/s, as we do
+    car.sees(A, 0.0, closing=0.0)  # the lead drives 20 m/s, as we do
     assert car.hears(answer(car.asks(0.0), speed=27.0), 0.0) == ["implausible"]
     assert car.group.state is GroupState.REGULAR
     assert car.hears(answer(car.asks(0.1), speed=20.5), 0.1) == ["joined"]

@@ -1,10 +1,10 @@
-"""Which preceding vehicle is to be joined: identity, headway, speed."""
+"""Whether the lead is to be joined: identity, headway, speed."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.lcca.events import PrecedingVehicle
+from onboard.lcca.events import MeasuredLead
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.settings import LccaSettings
@@ -22,55 +22,55 @@ def lead_monitor(speed_m_s: float = 20.0, **changes: float) -> LeadMonitor:
 @given(st.floats(1.0, 200.0))
 def test_the_safety_distance_is_0_55_m_for_each_km_h(speed_km_h: float) -> None:
     monitor = lead_monitor(speed_km_h / 3.6)
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 0.55 * speed_km_h * 0.999, 0.0), 0.0)
-    assert monitor.vehicle_to_join(0.0) == A
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 0.55 * speed_km_h * 1.001, 0.0), 0.0)
-    assert monitor.vehicle_to_join(0.0) is None
+    monitor.receive_lead(MeasuredLead(A, 0.55 * speed_km_h * 0.999, 0.0), 0.0)
+    assert monitor.lead_to_join(0.0) == A
+    monitor.receive_lead(MeasuredLead(A, 0.55 * speed_km_h * 1.001, 0.0), 0.0)
+    assert monitor.lead_to_join(0.0) is None
 
 
 def test_at_standstill_no_gap_is_too_small() -> None:
     monitor = lead_monitor(0.0)
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 0.5, 0.0), 0.0)
-    assert monitor.vehicle_to_join(0.0) is None
+    monitor.receive_lead(MeasuredLead(A, 0.5, 0.0), 0.0)
+    assert monitor.lead_to_join(0.0) is None
 
 
 def test_between_the_two_headways_nothing_is_joined_and_nothing_left() -> None:
     monitor = lead_monitor(20.0)
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 2.1 * 20.0, 0.0), 0.5)
-    assert monitor.vehicle_to_join(0.5) is None
+    monitor.receive_lead(MeasuredLead(A, 2.1 * 20.0, 0.0), 0.5)
+    assert monitor.lead_to_join(0.5) is None
     assert monitor.close_at(A) == 0.5
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 2.2 * 20.0, 0.0), 0.6)
+    monitor.receive_lead(MeasuredLead(A, 2.2 * 20.0, 0.0), 0.6)
     assert monitor.close_at(A) == 0.5
 
 
 def test_without_a_recent_speed_no_gap_is_too_small() -> None:
     monitor = lead_monitor(20.0, speed_hold_s=1.0)
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 10.0, 0.0), 1.0)
-    assert monitor.vehicle_to_join(1.0) is None
+    monitor.receive_lead(MeasuredLead(A, 10.0, 0.0), 1.0)
+    assert monitor.lead_to_join(1.0) is None
     assert monitor.speed_at(1.0) is None
     assert monitor.close_at(A) < 0.0
 
 
 def test_a_vehicle_without_known_plate_is_not_joined() -> None:
     monitor = lead_monitor()
-    monitor.receive_preceding_vehicle(PrecedingVehicle(None, 10.0, 0.0), 0.0)
-    assert monitor.vehicle_to_join(0.0) is None
+    monitor.receive_lead(MeasuredLead(None, 10.0, 0.0), 0.0)
+    assert monitor.lead_to_join(0.0) is None
 
 
 def test_a_frame_without_a_vehicle_clears_the_identity() -> None:
     monitor = lead_monitor()
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
-    monitor.receive_preceding_vehicle(None, 0.1)
+    monitor.receive_lead(MeasuredLead(A, 20.0, 0.0), 0.0)
+    monitor.receive_lead(None, 0.1)
     assert monitor.identified is None
-    assert monitor.vehicle_to_join(0.1) is None
+    assert monitor.lead_to_join(0.1) is None
 
 
 def test_a_frame_that_may_hide_a_vehicle_keeps_the_identity_but_shows_none() -> None:
     monitor = lead_monitor()
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
-    monitor.receive_preceding_vehicle(None, 0.1, is_unknown=True)
+    monitor.receive_lead(MeasuredLead(A, 20.0, 0.0), 0.0)
+    monitor.receive_lead(None, 0.1, is_unknown=True)
     assert monitor.identified == A
-    assert monitor.vehicle_to_join(0.1) is None
+    assert monitor.lead_to_join(0.1) is None
     assert not monitor.shows_close(A)
 
 
@@ -80,15 +80,14 @@ def test_a_frame_that_may_hide_a_vehicle_keeps_the_identity_but_shows_none() -> 
 )
 def test_the_speed_in_a_reply_must_match_the_camera(speed_m_s: float | None, matches: bool) -> None:
     monitor = lead_monitor(20.0, speed_tolerance_m_s=5.0)
-    monitor.receive_preceding_vehicle(
-        PrecedingVehicle(A, 20.0, 3.0), 0.0
-    )  # closing at 3 m/s: the preceding vehicle drives 17 m/s
+    # Closing at 3 m/s: the lead drives 17 m/s.
+    monitor.receive_lead(MeasuredLead(A, 20.0, 3.0), 0.0)
     assert monitor.matches_speed(speed_m_s, 0.0) is matches
 
 
 def test_without_a_closing_speed_any_reply_matches() -> None:
     monitor = lead_monitor(20.0)
-    monitor.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, None), 0.0)
+    monitor.receive_lead(MeasuredLead(A, 20.0, None), 0.0)
     assert monitor.matches_speed(99.0, 0.0)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from onboard.lcca.events import PrecedingVehicle
+from onboard.lcca.events import MeasuredLead
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import NO_ID, Join, Reply, Update, Warn, WarnCause
@@ -23,7 +23,7 @@ class Listener:
         instantly = GroupParameters(**(prompt | changes))  # type: ignore[arg-type]
         self.group = WarningGroup(instantly, B, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
-        self.group.receive_preceding_vehicle(PrecedingVehicle(A, 20.0, 0.0), 0.0)
+        self.group.receive_lead(MeasuredLead(A, 20.0, 0.0), 0.0)
         (join,) = self.group.messages_to_send(0.0)
         assert isinstance(join, Join)
         self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0, NO_ID))

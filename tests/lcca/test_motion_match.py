@@ -1,4 +1,4 @@
-"""Which of the vehicles on the air moves as the one ahead does."""
+"""Which of the vehicles on the air moves as the lead does."""
 
 import math
 
@@ -32,7 +32,7 @@ def drive(
     other_m_s: float = OWN_M_S,
     wrong_by_m_s: float = 0.0,
 ) -> None:
-    """Let the vehicle ahead and one at a constant speed send at 10 Hz.
+    """Let the lead and one at a constant speed send at 10 Hz.
 
     The own speedometer is `wrong_by_m_s` too high.
     """
@@ -42,7 +42,7 @@ def drive(
         match.receive_speed_on_air(AHEAD, speed_ahead(now) + offset_m_s, now)
         match.receive_speed_on_air(OTHER, other_m_s, now)
         seen_m_s = speed_ahead(now - delay_s) + float(rng.normal(0.0, 0.2)) + wrong_by_m_s
-        match.receive_speed_ahead(seen_m_s, 0.2, OWN_M_S + wrong_by_m_s, now)
+        match.receive_lead_speed(seen_m_s, 0.2, OWN_M_S + wrong_by_m_s, now)
 
 
 def test_a_vehicle_that_is_not_heard_has_no_evidence() -> None:
@@ -51,9 +51,7 @@ def test_a_vehicle_that_is_not_heard_has_no_evidence() -> None:
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.2, 0.4, 0.6])
 @pytest.mark.parametrize("offset_m_s", [-0.4, 0.0, 0.4])
-def test_the_vehicle_ahead_is_found_by_its_changes_of_speed(
-    delay_s: float, offset_m_s: float
-) -> None:
+def test_the_lead_is_found_by_its_changes_of_speed(delay_s: float, offset_m_s: float) -> None:
     match = MotionMatch()
     drive(match, 15.0, delay_s=delay_s, offset_m_s=offset_m_s)
     assert match.log_ratio(AHEAD) > 5.0
@@ -67,12 +65,12 @@ def test_another_speed_is_evidence_at_once() -> None:
     assert match.log_ratio(AHEAD) > 0.5
 
 
-def test_a_much_slower_vehicle_ahead_does_not_decline_after_the_first_sample() -> None:
+def test_a_much_slower_lead_does_not_decline_after_the_first_sample() -> None:
     match = MotionMatch()
     for step in range(30):
         now = step / 10
         match.receive_speed_on_air(AHEAD, OWN_M_S, now)
-        match.receive_speed_ahead(OWN_M_S, 0.2, OWN_M_S + 20.0, now)
+        match.receive_lead_speed(OWN_M_S, 0.2, OWN_M_S + 20.0, now)
     assert match.decline(AHEAD) > -1.0
     assert match.log_ratio(AHEAD) == MAX_EVIDENCE
 
@@ -82,7 +80,7 @@ def test_at_constant_speeds_equal_speeds_decide_nothing() -> None:
     for step in range(600):
         now = step / 10
         match.receive_speed_on_air(OTHER, OWN_M_S, now)
-        match.receive_speed_ahead(OWN_M_S, 0.2, OWN_M_S, now)
+        match.receive_lead_speed(OWN_M_S, 0.2, OWN_M_S, now)
     assert 0.0 < match.log_ratio(OTHER) < 8.0  # 17 are needed among 200 vehicles
 
 
@@ -90,18 +88,18 @@ def test_one_wrong_speed_decides_nothing() -> None:
     match = MotionMatch()
     drive(match, 15.0)
     before = match.log_ratio(AHEAD)
-    match.receive_speed_ahead(0.0, 0.2, OWN_M_S, 15.4)
+    match.receive_lead_speed(0.0, 0.2, OWN_M_S, 15.4)
     assert before - match.log_ratio(AHEAD) <= 3.0 + 1e-9
 
 
-def test_the_decline_begins_when_the_vehicle_ahead_moves_otherwise() -> None:
+def test_the_decline_begins_when_the_lead_moves_otherwise() -> None:
     match = MotionMatch()
     drive(match, 30.0)
     assert match.decline(AHEAD) > -3.0
     for step in range(300, 340):
         now = step / 10
         match.receive_speed_on_air(AHEAD, speed_ahead(now), now)
-        match.receive_speed_ahead(OWN_M_S - 6.0, 0.2, OWN_M_S, now)
+        match.receive_lead_speed(OWN_M_S - 6.0, 0.2, OWN_M_S, now)
     assert match.decline(AHEAD) < -7.0
 
 
@@ -109,7 +107,7 @@ def test_the_decline_begins_when_the_vehicle_ahead_moves_otherwise() -> None:
 def test_after_an_impossible_jump_of_the_own_speed_all_vehicles_begin_anew(
     wrong_by_m_s: float,
 ) -> None:
-    """The own speedometer is wrong for ten seconds; then the vehicle ahead may be it again."""
+    """The own speedometer is wrong for ten seconds; then the lead may be it again."""
     match = MotionMatch()
     drive(match, 15.0, other_m_s=12.0)
 

@@ -12,7 +12,7 @@ from tests.lcca.road import Air, Road, car_id, events_of, places, true_places
 A, B, C, X = (car_id(name) for name in "ABCX")
 
 
-# Another car ahead
+# Another lead
 
 
 def test_a_vehicle_that_cuts_in_joins_without_a_leave_of_others() -> None:

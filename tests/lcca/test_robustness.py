@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.lcca.events import PrecedingVehicle
+from onboard.lcca.events import MeasuredLead
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
@@ -66,7 +66,7 @@ class Frame:
     """A camera frame that shows a car, close or far, or none."""
 
     def __init__(self, car_id: bytes | None, gap_m: float) -> None:
-        self.ahead = PrecedingVehicle(car_id, gap_m, None)
+        self.ahead = MeasuredLead(car_id, gap_m, None)
 
 
 Step = LccaMessage | Frame | float | str
@@ -93,7 +93,7 @@ def test_any_sequence_of_inputs_leaves_a_consistent_state(
                 now += step
                 group.handle_timer(now)
             case Frame():
-                group.receive_preceding_vehicle(step.ahead, now)
+                group.receive_lead(step.ahead, now)
             case "answer" if last_join is not None:
                 leader_sequence = int(now * 10) % 65536
                 answer = Reply(

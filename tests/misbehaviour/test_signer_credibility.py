@@ -130,7 +130,7 @@ def test_traffic_that_had_begun_to_slow_down_confirms_it_too() -> None:
         host.pause(CLAIM_S)
 
 
-def test_steady_traffic_and_another_vehicle_ahead_confirm_nothing() -> None:
+def test_steady_traffic_and_another_lead_confirm_nothing() -> None:
     host = Host()
     for name in "abc":
         host.traffic(20.0)

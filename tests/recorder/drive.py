@@ -26,7 +26,7 @@ START_UTC_S = 1_750_000_480.0
 START_S = 1000.0
 AHEAD, BEHIND = "GN417KB", "RD288HX"
 SIMILAR = ("GN417K8", "GN4T7KB", "6N417KB")
-"""Other texts that the plate of the vehicle ahead may bear, by the camera."""
+"""Other texts that the plate of the lead may bear, by the camera."""
 KEY = "a secret of this trial only"
 STEP_S = 0.05
 """Time of one step in s; each vehicle has one speed and one camera result per step."""
@@ -86,7 +86,7 @@ def record_drive(
         duration_s: of the drive.
         signed: whether messages are.
         start_utc_s: UTC at the start of the drive.
-        leads: one a step as the vehicle behind sees it; the vehicle ahead if not given.
+        leads: one a step as the vehicle behind sees it; the lead if not given.
         settings: of the recorder.
     """
     folder.mkdir(exist_ok=True)
@@ -123,7 +123,7 @@ def record_drive(
 
 
 def _inputs(number: int, step: int, now: float) -> Iterator[Input]:
-    """Yield the sensor inputs of the vehicle ahead (0) or behind (1)."""
+    """Yield the sensor inputs of the lead (0) or behind (1)."""
     yield Speed(now, 15.0, 0.28, "obd:7E8")
     if step % 4 == 0:
         yield Position(now, 48.1, 11.5 - 2e-4 * number, 500.0, 2.0, 15.0, 1.57)

@@ -1,4 +1,4 @@
-"""Replays of drives with whatever the camera says of the vehicle ahead."""
+"""Replays of drives with whatever the camera says of the lead."""
 
 import tempfile
 from pathlib import Path

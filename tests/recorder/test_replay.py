@@ -106,19 +106,17 @@ def test_the_replay_of_a_drive_with_faults_equals_the_recording(name: str, tmp_p
 def test_the_first_different_output_of_changed_cores_is_reported(
     drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    receive = WarningGroup.receive_preceding_vehicle
+    receive = WarningGroup.receive_lead
     joined_at = next(
         entry.record["stamp_s"]
         for entry in RecordedDrive([drive]).entries()
         if entry.topic == "/out/sent" and entry.record["message"] == "join"
     )
 
-    def ignore_preceding_vehicle(
-        group: WarningGroup, ahead: object, now: float, **more: bool
-    ) -> None:
+    def ignore_lead(group: WarningGroup, ahead: object, now: float, **more: bool) -> None:
         receive(group, None, now)
 
-    monkeypatch.setattr(WarningGroup, "receive_preceding_vehicle", ignore_preceding_vehicle)
+    monkeypatch.setattr(WarningGroup, "receive_lead", ignore_lead)
     difference = compare(RecordedDrive([drive])).difference
 
     assert difference is not None

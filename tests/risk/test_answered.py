@@ -133,7 +133,7 @@ LATER_S = 0.25
 @pytest.mark.parametrize("own_braking", [1.0, 2.0, 3.0])
 @pytest.mark.parametrize("lead_braking", [4.0, 6.0, 8.0])
 @pytest.mark.parametrize(("gap_m", "speed"), [(8.0, 14.0), (15.0, 20.0), (30.0, 30.0)])
-def test_who_brakes_gently_for_something_else_is_warned_when_the_car_ahead_brakes_hard(
+def test_who_brakes_gently_for_something_else_is_warned_when_the_lead_brakes_hard(
     gap_m: float, speed: float, own_braking: float, lead_braking: float
 ) -> None:
     moments = list(

@@ -49,7 +49,7 @@ def least_gap_m(gap_m: float, own: Motion, lead: Motion, until_s: float = 30.0) 
     lead_speed=st.floats(0.0, 40.0),
     lead_braking=st.sampled_from([0.0, 1.0, 3.0, 6.0, 9.0]),
 )
-def test_the_braking_asked_for_just_avoids_the_car_ahead(
+def test_the_braking_asked_for_just_avoids_the_lead(
     gap_m: float, speed: float, lead_speed: float, lead_braking: float
 ) -> None:
     needed = required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 1.0)

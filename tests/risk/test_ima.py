@@ -314,7 +314,7 @@ def test_a_car_known_for_a_second_has_a_course_though_the_own_place_is_vague() -
 
 @pytest.mark.parametrize(("sigma_m_s", "has_course"), [(0.5, True), (1.0, False), (3.0, False)])
 def test_a_car_that_was_just_seen_has_no_course_yet(sigma_m_s: float, has_course: bool) -> None:
-    """The car ahead, of which three pictures say that it may drive sideways with 2.5 m/s."""
+    """The lead, of which three pictures say that it may drive sideways with 2.5 m/s."""
     ahead = car((13.0, 2.0, -0.1, 2.5), 1.0, sigma_m_s)
 
     met = path_crossing(car((0.0, 0.0, 12.0, 0.0), 0.7, 0.5), ahead)

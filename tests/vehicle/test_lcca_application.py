@@ -149,7 +149,7 @@ def test_who_drives_in_the_opposite_direction_is_refused(
     assert [each for each in refusals(events) if each == "opposite_direction"] == refused
 
 
-def test_another_signer_does_not_speak_for_the_vehicle_ahead(pair: Pair) -> None:
+def test_another_signer_does_not_speak_for_the_lead(pair: Pair) -> None:
     joined = next(each for each in pair.on_air if isinstance(each, lcca.Reply))
 
     events = pair.cars[BEHIND].hears(lcca.encode(joined), b"signer 3", pair.now)

@@ -1,7 +1,7 @@
 """Chain collisions in a platoon, with and without LCCA, and the channel load of its warnings.
 
-The first car brakes hard. Every driver brakes one reaction time after the car ahead, or after a
-warning. Whether a car then hits the car ahead follows from the closed form that channel access uses
+The first car brakes hard. Every driver brakes one reaction time after its lead, or after a
+warning. Whether a car then hits its lead follows from the closed form that channel access uses
 (`onboard/access/rear_end.py`). The warnings come from the cores of `onboard`. Which car is ahead is
 found out by the camera model and these cores (`platoon_sight.py`), or assumed to be known; a car
 without a radio is seen by the camera behind it, but neither answers nor warns.
@@ -198,7 +198,7 @@ class _Platoon:
         self.followers = sum(car - 1 in self._groups for car in self._sights)
         """Cars with a radio behind a car with a radio."""
         self.known = self.wrongly_known = 0
-        """Those of them that know the car ahead when the first car brakes; that take it for another
+        """Those of them that know their lead when the first car brakes; that take it for another
         one."""
         self.warn_messages = 0
         self.events = 0
@@ -224,7 +224,7 @@ class _Platoon:
                 self._send(car, group, now)
 
     def crashes(self) -> int:
-        """Number of cars that hit the car ahead."""
+        """Number of cars that hit their lead."""
         lag_s = tolerable_lag_s(
             self._gaps_m[1:],
             np.array(self._speed_m_s),
@@ -279,19 +279,19 @@ class _Platoon:
     def _look(self, now: float) -> None:
         for car, sight in self._sights.items():
             if sight.get_timer() <= now:
-                self._groups[car].receive_preceding_vehicle(sight.look(now), now)
+                self._groups[car].receive_lead(sight.look(now), now)
 
     def _count_known(self) -> None:
-        ahead = {car: self._sights[car].car_ahead for car in self._sights}
+        leads = {car: self._sights[car].lead_id for car in self._sights}
         self.known = sum(
-            each == self._ids[car - 1] for car, each in ahead.items() if car - 1 in self._groups
+            each == self._ids[car - 1] for car, each in leads.items() if car - 1 in self._groups
         )
         self.wrongly_known = sum(
-            each not in (None, self._ids[car - 1]) for car, each in ahead.items()
+            each not in (None, self._ids[car - 1]) for car, each in leads.items()
         )
 
     def _identification(self, car: int) -> Identification | None:
-        """Who asks which car is ahead, and answers; `None` where that is known anyway."""
+        """Who asks which car is the lead, and answers; `None` where that is known anyway."""
         sight = self._sights.get(car)
         return self._first if car == 0 else None if sight is None else sight.identification
 
@@ -344,7 +344,7 @@ class _Line(NamedTuple):
     reduction_low_95: float
     reduction_high_95: float
     known: float
-    """Share of the followers that know the car ahead, if both have a radio, when the first car
+    """Share of the followers that know their lead, if both have a radio, when the first car
     brakes."""
     wrongly_known: int
     warn_messages_per_event: float

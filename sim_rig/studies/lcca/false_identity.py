@@ -1,6 +1,6 @@
 """How often another vehicle than the one ahead is taken for it.
 
-A host vehicle has a new vehicle ahead every few seconds, among many in range. Its camera reads the
+A host vehicle has a new lead every few seconds, among many in range. Its camera reads the
 plate by the model of photographs (`sim_rig/cars/plate_readings.py`), and `Identification` is the
 core that ships. Some vehicles drive in the host's stream and so almost at its speed; a fleet has
 consecutive plates. An insider may have read the plate ahead and answer for it, with a vehicle of
@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from onboard.lcca.events import CandidateCar, TrackedVehicle
+from onboard.lcca.events import CandidateCar, TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.settings import Settings
@@ -48,7 +48,7 @@ class Insider(StrEnum):
     OWN_SPEED = "own_speed"
     """He answers for the plate ahead, and sends his own speed."""
     COPIED_SPEED = "copied_speed"
-    """He also sends the speed of the vehicle ahead, 0.3 s late."""
+    """He also sends the speed of the lead, 0.3 s late."""
 
 
 class FalseIdentitySettings(Settings):
@@ -73,7 +73,7 @@ class FalseIdentitySettings(Settings):
     plate_px: Span[float] = (28.0, 60.0)
     """Range of the width of the plate in the image, in pixels; it is uniform."""
     seconds: float = Field(6.0, ge=2.0, le=60.0)
-    """Time with one vehicle ahead."""
+    """Time with one lead."""
     region: Literal["us", "eu", "br"] = "eu"
     """Whose patterns of plates are drawn."""
 
@@ -104,7 +104,7 @@ def run_one(settings: FalseIdentitySettings, number: int) -> Row:
 
 
 class _Change(NamedTuple):
-    """One vehicle ahead."""
+    """One lead."""
 
     has_radio: bool
     identified_s: float | None
@@ -146,7 +146,7 @@ class _Traffic:
 
 
 class _Drive:
-    """A host vehicle among others; time goes on from one vehicle ahead to the next."""
+    """A host vehicle among others; time goes on from one lead to the next."""
 
     def __init__(
         self,
@@ -200,7 +200,7 @@ class _Drive:
                 if each.text in derived
             )
             closing_m_s = self._host_m_s - ahead_m_s + error_m_s
-            lead = TrackedVehicle(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
+            lead = TrackedLead(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
             self._core.receive_lead(lead, now)
             self._deliver(ahead, now)
             identity = self._core.identity

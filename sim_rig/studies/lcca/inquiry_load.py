@@ -1,7 +1,7 @@
 """Load of the 802.11p channel when many cars at once ask who is ahead.
 
 All cars are in range of each other, send BSMs, and ask for 16 texts each with the core of the car.
-The car ahead answers, or no car bears any of the texts, so that all go on asking.
+The lead answers, or no car bears any of the texts, so that all go on asking.
 """
 
 from collections import Counter
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from onboard.lcca.events import CandidateCar, TrackedVehicle
+from onboard.lcca.events import CandidateCar, TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import MAX_NAMES, Answer, Inquiry, encode
 from onboard.settings import Settings
@@ -145,7 +145,7 @@ class _Traffic:
                 self.sent[message.kind] += 1
                 self.airtime_s += _airtime_s(self._settings, len(encode(message)))
 
-    def _vehicle(self, car: int, *, is_there: bool) -> TrackedVehicle:
+    def _vehicle(self, car: int, *, is_there: bool) -> TrackedLead:
         first = f"CAR{car - 1}" if is_there else f"OTHER{car}"
         texts = [first, *(f"OTHER{car}.{number}" for number in range(1, MAX_NAMES))]
         probabilities = [LIKELIEST] + [(1.0 - LIKELIEST) / MAX_NAMES] * (MAX_NAMES - 1)
@@ -153,7 +153,7 @@ class _Traffic:
             CandidateCar(text, car_id_of(text), probability)
             for text, probability in zip(texts, probabilities, strict=True)
         )
-        return TrackedVehicle(0.0, car, GAP_M, 0.0, 0.3, tuple(candidates))
+        return TrackedLead(0.0, car, GAP_M, 0.0, 0.3, tuple(candidates))
 
 
 def _airtime_s(settings: InquiryLoadSettings, octets: int) -> float:

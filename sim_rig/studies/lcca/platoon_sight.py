@@ -1,4 +1,4 @@
-"""What the cars of a study's platoon know of the car ahead: by camera and radio, or assumed."""
+"""What the cars of a study's platoon know of their leads: by camera and radio, or assumed."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import PositiveFloat
 
-from onboard.lcca.events import PrecedingVehicle, TrackedVehicle
+from onboard.lcca.events import MeasuredLead, TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import CarId
 from onboard.observations import Lead
@@ -20,14 +20,14 @@ from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.sensor_settings import LensSettings
 
 Sight = Literal["unlimited", "recommended", "rig"] | PositiveFloat
-"""How a car knows the one ahead: always; by the camera model with the longest lens of
+"""How a car knows its lead: always; by the camera model with the longest lens of
 `docs/plates.md`, or with the rig's own; always up to this distance in m, and never beyond."""
 RECOMMENDED_LENS = LensSettings(width_px=1280, focal_px=3300.0)
 LENSES: Mapping[str, LensSettings] = {"recommended": RECOMMENDED_LENS, "rig": LensSettings()}
 
 
 class AssumedSight:
-    """The car ahead is known up to a distance."""
+    """The lead is known up to a distance."""
 
     identification: Identification | None = None
 
@@ -35,32 +35,32 @@ class AssumedSight:
         """Follow a car at a constant distance.
 
         Args:
-            gap_m: to the car ahead.
-            plate: of the car ahead.
+            gap_m: to the lead.
+            plate: of the lead.
             phase_s: time of the first image.
             reach_m: gap beyond which it is not known.
         """
         car_id = car_id_of(plate) if gap_m <= reach_m else None
-        self._preceding = PrecedingVehicle(car_id, gap_m, 0.0)
+        self._lead_vehicle = MeasuredLead(car_id, gap_m, 0.0)
         self._image_at = phase_s
 
     @property
-    def car_ahead(self) -> CarId | None:
-        """The car ahead, as far as it is known."""
-        return self._preceding.car_id
+    def lead_id(self) -> CarId | None:
+        """The lead's communication ID; `None` while it is not known."""
+        return self._lead_vehicle.car_id
 
     def get_timer(self) -> float:
         """Return when the next image is due."""
         return self._image_at
 
-    def look(self, now: float) -> PrecedingVehicle | None:
-        """Take the image that is due, and return the vehicle ahead."""
+    def look(self, now: float) -> MeasuredLead | None:
+        """Take the image that is due, and return the lead that it shows."""
         self._image_at = now + 1 / FPS
-        return self._preceding
+        return self._lead_vehicle
 
 
 class MeasuredSight:
-    """The car ahead is known by the camera model, the radio, and the core of the car."""
+    """The lead is known by the camera model, the radio, and the core of the car."""
 
     def __init__(
         self,
@@ -87,8 +87,8 @@ class MeasuredSight:
         """What the last image shows."""
 
     @property
-    def car_ahead(self) -> CarId | None:
-        """The car ahead, as far as it is known."""
+    def lead_id(self) -> CarId | None:
+        """The lead's communication ID; `None` while it is not known."""
         identity = self._core.identity
         return None if identity is None else identity.car_id
 
@@ -96,19 +96,19 @@ class MeasuredSight:
         """Return when the next image is due."""
         return self._camera.get_timer()
 
-    def look(self, now: float) -> PrecedingVehicle | None:
-        """Take the image that is due, and return the vehicle ahead."""
+    def look(self, now: float) -> MeasuredLead | None:
+        """Take the image that is due, and return the lead that it shows."""
         self._camera.handle_timer(now)
         leads = [each for each in iter(self._camera.next_event, None) if isinstance(each, Lead)]
         self.lead = leads[-1] if leads else None
-        return None if self.lead is None else self._preceding(self.lead, now)
+        return None if self.lead is None else self._lead_vehicle(self.lead, now)
 
-    def _preceding(self, lead: Lead, now: float) -> PrecedingVehicle | None:
-        vehicle = TrackedVehicle.of(self._derivation.derived(lead, now), car_id_of)
+    def _lead_vehicle(self, lead: Lead, now: float) -> MeasuredLead | None:
+        vehicle = TrackedLead.of(self._derivation.derived(lead, now), car_id_of)
         self._core.receive_lead(vehicle, now)
         if vehicle is None:
             return None
-        return PrecedingVehicle(self.car_ahead, vehicle.gap_m, vehicle.closing_speed_m_s)
+        return MeasuredLead(self.lead_id, vehicle.gap_m, vehicle.closing_speed_m_s)
 
 
 def car_id_of(plate: str) -> CarId:

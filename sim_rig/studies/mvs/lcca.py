@@ -117,9 +117,9 @@ class LccaFleet:
         """The car that sends under this ID."""
         return self._names[car_id]
 
-    def car_ahead(self, name: str) -> str | None:
+    def lead_of(self, name: str) -> str | None:
         """The car that a car with a radio takes to be ahead of it, if it has a radio too."""
-        car_id = self._with_lcca[name].sight.car_ahead
+        car_id = self._with_lcca[name].sight.lead_id
         return None if car_id is None else self._names.get(car_id)
 
     def _join_and_leave(self, cars: Cars) -> None:
@@ -237,7 +237,7 @@ class _LccaCar:
         """Return what an image that is due shows."""
         lead = None
         if self.sight.get_timer() <= now:
-            self.group.receive_preceding_vehicle(self.sight.look(now), now)
+            self.group.receive_lead(self.sight.look(now), now)
             lead = self.sight.lead
         if self.group.get_timer() <= now:
             self.group.handle_timer(now)

@@ -109,7 +109,7 @@ LEAD = {"stamp_s": 101.0, "kind": "lead", "text": "GN417KB"}
 JOINED = {"stamp_s": 101.2, "kind": "transition", "state": "member", "leader_id": "ab"}
 
 
-def test_a_member_behind_the_car_ahead_hears_and_is_heard() -> None:
+def test_a_member_behind_its_lead_hears_and_is_heard() -> None:
     found = list(findings_of_drive("red", drive([LEAD, JOINED])))
     assert missing(found) == {}
     assert [each.subject for each in found] == ["clock", "recording", "group"]
@@ -133,8 +133,8 @@ def test_keys_of_another_trial_are_named_on_both_sides() -> None:
     found = list(findings_of_drive("red", drive([*late, JOINED], [early, *late[:1]])))
     refused = [each.detail for each in found if each.subject == "signatures"]
     assert refused == [
-        "the car ahead refuses of the box 1 x unknown_issuer",
-        "the box refuses of the car ahead 3 x unknown_issuer",
+        "the lead refuses of the box 1 x unknown_issuer",
+        "the box refuses of the lead 3 x unknown_issuer",
     ]
 
 

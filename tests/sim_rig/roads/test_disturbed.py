@@ -187,7 +187,7 @@ def test_in_a_recording_of_a_few_seconds_nothing_happens() -> None:
 
 
 @pytest.mark.long
-def test_a_shifted_car_does_not_overlap_the_car_ahead() -> None:
+def test_a_shifted_car_does_not_overlap_the_lead() -> None:
     """Two go east, the second 24.5 m behind; one goes north 0.5 s before the first of them."""
 
     def straight(name: str, first: int, behind_m: float, heading: float) -> Trajectory:

@@ -66,7 +66,7 @@ def test_behind_a_car_that_cuts_in_the_group_is_left(seed: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", LANE_CHANGE_SEEDS)
-def test_when_the_car_ahead_leaves_the_lane_the_one_beyond_is_followed(seed: int) -> None:
+def test_when_the_lead_leaves_the_lane_the_one_beyond_is_followed(seed: int) -> None:
     scenario = load_scenario("lane-change").model_copy(update={"duration_s": 16.0})
     log = run_virtual(scenario, seed)
 

@@ -77,7 +77,7 @@ def with_sight(sight: Sight) -> ChainSettings:
     return SMALL.model_copy(update={"sights": (sight,), "shares": (1.0,)})
 
 
-def test_through_the_recommended_lens_most_cars_know_the_one_ahead() -> None:
+def test_through_the_recommended_lens_most_cars_know_their_lead() -> None:
     rows = [run_one(with_sight("recommended"), number) for number in range(6)]
 
     assert sum(row["known"] for row in rows) >= 0.7 * sum(row["followers"] for row in rows)

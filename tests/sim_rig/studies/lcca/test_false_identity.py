@@ -18,7 +18,7 @@ def test_cars_ahead_are_identified_and_no_other_ones() -> None:
     assert row["wrong_long"] == 0
 
 
-def test_an_insider_with_another_speed_is_not_taken_for_the_car_ahead() -> None:
+def test_an_insider_with_another_speed_is_not_taken_for_the_lead() -> None:
     settings = SMALL.model_copy(update={"insiders": (Insider.OWN_SPEED,), "stream": 0.2})
 
     assert run_one(settings, 0)["wrong_long"] <= 1

@@ -16,7 +16,7 @@ def both(case: str) -> tuple[Row, Row]:
     return run_one(FEW, number), run_one(FEW, number + 1)
 
 
-def test_the_car_ahead_is_found_out_and_no_longer_asked_for() -> None:
+def test_the_lead_is_found_out_and_no_longer_asked_for() -> None:
     first, rest = both("all ask, the car ahead answers")
 
     assert first["identified"] == rest["identified"] == 11  # nobody is ahead of the first

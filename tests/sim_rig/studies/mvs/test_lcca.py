@@ -66,9 +66,9 @@ def brake(fleet: LccaFleet, name: str) -> None:
     fleet.drive(Lane().cars_at(BEGIN_S), BEGIN_S + TICK_S)
 
 
-def test_who_reads_the_plate_ahead_is_warned_of_its_braking_and_of_its_end() -> None:
+def test_who_reads_the_lead_plate_is_warned_of_its_braking_and_of_its_end() -> None:
     fleet = fleet_of(*NAMES)
-    assert {name: fleet.car_ahead(name) for name in NAMES} == {
+    assert {name: fleet.lead_of(name) for name in NAMES} == {
         "first": None,
         "second": "first",
         "third": "second",
@@ -93,7 +93,7 @@ def test_who_reads_the_plate_ahead_is_warned_of_its_braking_and_of_its_end() -> 
     [(("second", "third"), 0.0), (("first", "third"), 0.0), (NAMES, 1.0)],
     ids=["who brakes has no radio", "a car without radio between them", "all messages are lost"],
 )
-def test_without_messages_of_the_vehicle_ahead_nobody_is_warned(
+def test_without_messages_of_the_lead_nobody_is_warned(
     equipped: tuple[str, ...], loss: float
 ) -> None:
     fleet = fleet_of(*equipped, loss=loss)

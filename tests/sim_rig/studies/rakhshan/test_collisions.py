@@ -98,7 +98,7 @@ def test_invalid_arguments_are_an_error(
         collision_kind(np.array(gap_m), SPEED_M_S, braking, braking)
 
 
-def test_a_car_that_hits_the_one_ahead_leaves_less_room_for_the_next() -> None:
+def test_a_car_that_hits_the_lead_leaves_less_room_for_the_next() -> None:
     """Alone, car 1 stops in 60 m and car 2 in 70 m behind it; car 0 stands after 25 m."""
     braking = CarBraking(np.array([8.0, 5.0, 5.0]), np.array([0.0, 1.0, 1.5]))
     gap_m = np.array([0.0, 10.0, 15.0])
