@@ -1,14 +1,14 @@
 """Repeats the steps of a recording, and compares their outputs with the recorded ones.
 
-The comparison is exact, except for signatures, since a recording holds no private key. A processor
-of another architecture may round the last digit differently; for its recordings a tolerance can be
-given.
+Decisions are compared exactly, numbers within a tolerance, since another processor may round the
+last digit differently. Signatures are not compared: a recording holds no private key.
 """
 
 import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
@@ -19,6 +19,8 @@ from onboard.step import Input
 from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 
+OTHER_PROCESSOR: Final = 1e-9
+"""Relative difference of numbers that another processor's last digits explain."""
 _SIGNED_DATA = 0x81
 """Content choice of Ieee1609Dot2Data, its second byte."""
 _SIGNATURE_BYTES = 64
@@ -70,6 +72,8 @@ class ReplayComparison:
     difference: Difference | None
     gap: RecordingGap | None
     """First gap in the recording, which ends the comparison."""
+    rounded: int = 0
+    """Number of the equal outputs with a number whose last digits differ."""
 
 
 class GapError(RecordingError):
@@ -123,7 +127,7 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
         yield current
 
 
-def compare(drive: RecordedDrive, tolerance: float = 0.0) -> ReplayComparison:
+def compare(drive: RecordedDrive, tolerance: float = OTHER_PROCESSOR) -> ReplayComparison:
     """Replay until an output differs, or to the end.
 
     Args:
@@ -135,26 +139,28 @@ def compare(drive: RecordedDrive, tolerance: float = 0.0) -> ReplayComparison:
             without positions.
     """
     _require_whole(drive)
-    outputs, until_s = 0, 0.0
+    outputs, until_s, rounded = 0, 0.0, 0
     before: RecordedStep | None = None
     try:
         for current in play(drive):
             if before is not None:
                 difference = _first_difference(before, tolerance)
                 if difference is not None:
-                    return ReplayComparison(outputs, until_s, difference, None)
+                    return ReplayComparison(outputs, until_s, difference, None, rounded)
                 outputs, until_s = outputs + len(before.recorded), before.at_s
+                rounded += _rounded(before)
             before = current
     except GapError as error:
-        return ReplayComparison(outputs, until_s, None, error.gap)
+        return ReplayComparison(outputs, until_s, None, error.gap, rounded)
     if before is None:
         raise RecordingError("nothing to compare: the recording was cut off before the first step")
     # The last step may have been cut off; only its recorded outputs count.
     before.replayed = before.replayed[: len(before.recorded)]
     difference = _first_difference(before, tolerance)
     if difference is not None:
-        return ReplayComparison(outputs, until_s, difference, None)
-    return ReplayComparison(outputs + len(before.recorded), before.at_s, None, None)
+        return ReplayComparison(outputs, until_s, difference, None, rounded)
+    rounded += _rounded(before)
+    return ReplayComparison(outputs + len(before.recorded), before.at_s, None, None, rounded)
 
 
 def _require_whole(drive: RecordedDrive) -> None:
@@ -177,6 +183,12 @@ def _first_difference(current: RecordedStep, tolerance: float) -> Difference | N
         if recorded is None or replayed is None or not _is_same(recorded, replayed, tolerance):
             return Difference(current.at_s, recorded, replayed)
     return None
+
+
+def _rounded(current: RecordedStep) -> int:
+    """Count the outputs of a step without a difference that are equal only within the tolerance."""
+    pairs = zip(current.recorded, current.replayed, strict=True)
+    return sum(not _is_same(recorded, replayed, 0.0) for recorded, replayed in pairs)
 
 
 def _is_same(recorded: Output, replayed: Output, tolerance: float) -> bool:

@@ -15,7 +15,7 @@ from onboard.brake_request.request_outputs import read_layout
 from onboard.errors import UserError
 from onboard.obd.dbc_file import read_signals
 from onboard.recorder.reader import RecordedDrive
-from onboard.replay.replay import play
+from onboard.replay.replay import OTHER_PROCESSOR, play
 from onboard.runtime.service import Service
 from onboard.settings import load_settings
 from onboard.tools import replay as drive
@@ -132,9 +132,9 @@ def replay(
     within: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Relative tolerance of --expect, for another kind of processor."
+            min=0.0, help="Relative tolerance of numbers in --expect; 0 compares every bit."
         ),
-    ] = 0.0,
+    ] = OTHER_PROCESSOR,
 ) -> None:
     """Replay a recorded drive; print observations and decisions, one JSON object a line.
 

@@ -37,7 +37,7 @@ def export(
             typer.echo(f"{candump}: {write_candump(drive, file)} frames")
 
 
-def expect(paths: Sequence[Path], tolerance: float = 0.0) -> bool:
+def expect(paths: Sequence[Path], tolerance: float) -> bool:
     """Print how far a replay equals its recording; return whether all outputs are equal."""
     comparison = compare(RecordedDrive(paths), tolerance)
     for line in _verdict(comparison):
@@ -51,7 +51,11 @@ def expect(paths: Sequence[Path], tolerance: float = 0.0) -> bool:
 
 
 def _verdict(comparison: ReplayComparison) -> Iterator[str]:
-    yield f"{comparison.outputs} outputs in {comparison.until_s:.3f} s equal the recorded ones"
+    rounded = f", last digits of {comparison.rounded} differ (other processor)"
+    yield (
+        f"{comparison.outputs} outputs in {comparison.until_s:.3f} s equal the recorded ones"
+        f"{rounded if comparison.rounded else ''}"
+    )
     if comparison.difference is not None:
         yield f"first difference, {comparison.difference.at_s:.6f} s after the start:"
         yield f"  recorded: {_text(comparison.difference.recorded)}"
