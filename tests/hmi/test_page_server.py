@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections.abc import AsyncIterator, Coroutine
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +34,13 @@ class Served:
         session: aiohttp.ClientSession,
         address: str,
         pressed: list[None],
+        pages: AsyncExitStack,
     ) -> None:
         self.server = server
         self.session = session
         self.address = address
         self.pressed = pressed
+        self._pages = pages
 
     async def status(self, path: str, **more: Any) -> int:
         async with self.session.get(self.address + path, allow_redirects=False, **more) as answer:
@@ -50,7 +52,9 @@ class Served:
 
     async def page(self, **more: Any) -> aiohttp.ClientWebSocketResponse:
         before = await self.open_pages()
-        page = await self.session.ws_connect(self.address + "views", **more)
+        page = await self._pages.enter_async_context(
+            self.session.ws_connect(self.address + "views", **more)
+        )
         while await self.open_pages() == before:
             await asyncio.sleep(0)
         return page
@@ -74,8 +78,8 @@ async def served(recorded: Path | None = None, **settings: object) -> AsyncItera
     )
     await server.start()
     headers = {"Authorization": f"Bearer {settings['token']}"} if "token" in settings else {}
-    async with aiohttp.ClientSession(headers=headers) as session:
-        yield Served(server, session, f"http://127.0.0.1:{tree['port']}/", pressed)
+    async with aiohttp.ClientSession(headers=headers) as session, AsyncExitStack() as pages:
+        yield Served(server, session, f"http://127.0.0.1:{tree['port']}/", pressed, pages)
     await server.close()
 
 
