@@ -11,8 +11,8 @@ from typing import Any
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from onboard.errors import UserError
 from onboard.recorder.header import FORMAT, RecordingHeader
@@ -20,9 +20,13 @@ from onboard.recorder.segment import METADATA
 from onboard.settings import parse_settings
 
 LARGEST_RECORD = 64 * 2**20
-"""Longest valid record in bytes; chunks have about 100 KiB, or 1 MiB with images."""
-_CUT = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, zlib.error, ValueError)
-"""Errors of the library on missing or damaged bytes."""
+"""Longest valid record in bytes, and longest chunk when decompressed; chunks have about 100 KiB, or
+1 MiB with images."""
+_CUT = (
+    McapError, CRCValidationError, struct.error, zstandard.ZstdError, zlib.error, ValueError,
+    MemoryError, OverflowError,
+)  # fmt: skip
+"""Errors of the library on missing or damaged bytes, also of lengths that no file has."""
 
 
 class RecordingError(UserError):
@@ -49,13 +53,21 @@ def raw_records(path: Path) -> Iterator[McapRecord]:
     """Yield the MCAP records of a file, up to where it was cut off or damaged.
 
     Raises:
-        RecordingError: it cannot be opened, or is no MCAP file.
+        RecordingError: it cannot be opened, is no MCAP file, or has a chunk that is longer than
+            `LARGEST_RECORD` when decompressed.
     """
     try:
         with path.open("rb") as file:
-            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+            reader = StreamReader(
+                file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST_RECORD
+            )
             try:
-                yield from reader.records
+                for record in reader.records:
+                    if isinstance(record, Chunk):
+                        _require_bounded(record, path)
+                        yield from breakup_chunk(record, validate_crc=True)
+                    else:
+                        yield record
             except InvalidMagic as error:
                 if file.tell() <= len(_MAGIC):
                     raise RecordingError(f"{path}: no MCAP file") from error
@@ -63,6 +75,19 @@ def raw_records(path: Path) -> Iterator[McapRecord]:
                 return
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
+
+
+def _require_bounded(chunk: Chunk, path: Path) -> None:
+    """Refuse a chunk before memory is taken for it: by what it says, and what its frame says."""
+    size_bytes = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        size_bytes = max(size_bytes, zstandard.frame_content_size(chunk.data))
+    elif chunk.compression:
+        raise RecordingError(f"{path}: chunks compressed by {chunk.compression}, not by zstd")
+    if size_bytes > LARGEST_RECORD:
+        raise RecordingError(
+            f"{path}: a chunk of {size_bytes} bytes when decompressed; at most {LARGEST_RECORD}"
+        )
 
 
 _MAGIC = b"\x89MCAP0\r\n"

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Metadata
+from mcap.records import Chunk, Metadata
 
 from onboard.errors import UserError
 from onboard.observations import DetectionList, VehicleDetection
@@ -136,6 +138,67 @@ def test_a_file_that_is_not_a_recording_is_an_error(
 
     with pytest.raises(RecordingError, match=message):
         RecordedDrive([path])
+
+
+GIB_8 = 8 * 2**30
+FRAME_OF_8_GIB = b"\x28\xb5\x2f\xfd\xc0\x58" + GIB_8.to_bytes(8, "little")
+"""Head of a zstd frame (RFC 8878, 3.1.1.1) that announces its content size."""
+CHUNK_HEAD_BYTES = 41
+"""Of a Chunk record before the name of its compression."""
+FRAME_WITHOUT_SIZE = zstandard.ZstdCompressor(write_content_size=False).compress(bytes(1000))
+
+
+def chunk_of(frame: bytes, announced: int, compression: str = "zstd") -> Chunk:
+    return Chunk(
+        compression=compression,
+        data=frame,
+        message_end_time=0,
+        message_start_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=announced,
+    )
+
+
+@pytest.mark.parametrize(
+    ("chunk", "message"),
+    [
+        pytest.param(chunk_of(FRAME_OF_8_GIB, 1000), "8589934592 bytes", id="in its frame"),
+        pytest.param(chunk_of(FRAME_WITHOUT_SIZE, GIB_8), "8589934592 bytes", id="in its head"),
+        pytest.param(chunk_of(b"", 1000, "lz4"), "compressed by lz4", id="in no place"),
+    ],
+)
+def test_a_chunk_of_gigabytes_is_refused_before_it_takes_memory(
+    whole: Path, chunk: Chunk, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(before_chunks(whole) + encoded(chunk))
+
+    with pytest.raises(RecordingError, match=rf"bomb\.mcap: .*{message}"):
+        list(RecordedDrive([path]).entries())
+
+
+@pytest.mark.parametrize("length", [2**60, 2**63])
+def test_a_length_that_no_file_has_ends_the_recording(
+    whole: Path, length: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    content = bytearray(whole.read_bytes())
+    at = content.index(b"zstd") + len(b"zstd")
+    content[at : at + 8] = length.to_bytes(8, "little")
+    path.write_bytes(content)
+
+    assert list(RecordedDrive([path]).entries()) == []
+
+
+def before_chunks(segment: Path) -> bytes:
+    content = segment.read_bytes()
+    return content[: content.index(b"zstd") - CHUNK_HEAD_BYTES]
+
+
+def encoded(chunk: Chunk) -> bytes:
+    builder = RecordBuilder()
+    chunk.write(builder)
+    return builder.end()
 
 
 def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
