@@ -28,12 +28,11 @@ from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.pkcs11_token import Pkcs11Key, Pkcs11Token
+from onboard.security.private_file import exposure
 from onboard.security.rejection import NotTrusted
 from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.settings import SecuritySettings
 from onboard.security.trust import Trusted, TrustStore
-
-_OTHERS = 0o077
 
 
 class KeyFilesError(UserError):
@@ -261,9 +260,8 @@ def _read(file: Path) -> bytes:
 
 def _require_private(path: Path) -> None:
     try:
-        mode = path.stat().st_mode & 0o777
+        exposed = exposure(path)
     except OSError as error:
         raise KeyFilesError(f"{path}: cannot be read: {error.strerror}") from error
-    if mode & _OTHERS:
-        right = mode & ~_OTHERS
-        raise KeyFilesError(f"{path}: others may use it (mode {mode:o}); chmod {right:o} it")
+    if exposed is not None:
+        raise KeyFilesError(exposed)

@@ -22,6 +22,7 @@ from typing_extensions import override
 
 from onboard.errors import UserError
 from onboard.security import p256
+from onboard.security.private_file import exposure
 from onboard.security.settings import TokenSettings
 
 try:
@@ -47,17 +48,21 @@ class Pkcs11Token:
         """Open the token.
 
         Raises:
-            TokenError: python-pkcs11, the module or the token is missing, or the PIN is wrong.
+            TokenError: python-pkcs11, the module or the token is missing, or the PIN is wrong, or
+                others may read it.
         """
         if pkcs11 is None:
             raise TokenError("security.token needs python-pkcs11: pip install 'onboard[pkcs11]'")
         self._label = settings.label
         try:
+            exposed = exposure(settings.pin_file)
             pin = settings.pin_file.read_text("utf-8").strip()
         except OSError as error:
             raise TokenError(f"{settings.pin_file}: cannot be read: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise TokenError(f"{settings.pin_file}: is no text in UTF-8") from error
+        if exposed is not None:
+            raise TokenError(exposed)
         with _naming(f"{settings.label} of {settings.module}"):
             self._session = _session(str(settings.module), settings.label, pin)
 

@@ -29,7 +29,7 @@ class TokenSettings(Settings):
     label: str = Field(min_length=1, max_length=32)
     """Label of the token."""
     pin_file: Path
-    """File with the user's PIN."""
+    """File with the user's PIN, which only its owner may use (mode 600)."""
 
 
 class SecuritySettings(Settings):

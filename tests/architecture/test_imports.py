@@ -27,7 +27,7 @@ EDGES = frozenset({
     "recorder/segment.py", "recorder/segments.py",
     "runtime/candidate_ids.py", "runtime/daemon.py", "runtime/output_sinks.py",
     "runtime/service.py", "runtime/systemd.py",
-    "security/key_files.py",
+    "security/key_files.py", "security/private_file.py",
     "settings.py", "thread_priority.py",
     "trace/trace_file.py",
     "vision/camera.py", "vision/live_frames.py", "vision/outputs.py", "vision/plate_detector.py",

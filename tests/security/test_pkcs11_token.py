@@ -34,13 +34,18 @@ needs_token = pytest.mark.skipif(
 )
 
 
+def write_pin(path: Path, pin: str) -> None:
+    path.touch(0o600)
+    path.write_text(pin)
+
+
 @pytest.fixture(scope="module")
 def settings(tmp_path_factory: pytest.TempPathFactory) -> TokenSettings:
     """A new token; the module reads its configuration once in a process."""
     folder = tmp_path_factory.mktemp("token")
     (folder / "tokens").mkdir()
     (folder / "softhsm2.conf").write_text(f"directories.tokendir = {folder}/tokens\n")
-    (folder / "pin").write_text(f"{PIN}\n")
+    write_pin(folder / "pin", f"{PIN}\n")
     os.environ["SOFTHSM2_CONF"] = str(folder / "softhsm2.conf")
     subprocess.run(
         [
@@ -188,6 +193,17 @@ def test_a_wrong_pin_and_a_missing_token_are_named(settings: TokenSettings, tmp_
         Pkcs11Token(settings.model_copy(update={"pin_file": tmp_path / "pin"}))
 
 
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o620])
+def test_a_pin_that_others_may_use_is_refused_with_what_to_do(tmp_path: Path, mode: int) -> None:
+    write_pin(tmp_path / "pin", PIN)
+    (tmp_path / "pin").chmod(mode)
+    given = TokenSettings(module=tmp_path / "no.so", label="car", pin_file=tmp_path / "pin")
+    with pytest.raises(
+        TokenError, match=rf"pin: others may use it \(mode {mode:o}\); chmod 600 it"
+    ):
+        Pkcs11Token(given)
+
+
 def test_a_token_without_certificates_is_a_mistake(tmp_path: Path) -> None:
     config = tmp_path / "car.yaml"
     config.write_text(
@@ -200,7 +216,7 @@ def test_a_token_without_certificates_is_a_mistake(tmp_path: Path) -> None:
 def test_a_token_is_not_locked_by_a_service_that_starts_again_and_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "pin").write_text("a wrong one")
+    write_pin(tmp_path / "pin", "a wrong one")
     module = pytest.importorskip("pkcs11")
     tries_left = 3
 
@@ -227,7 +243,7 @@ def test_a_token_is_not_locked_by_a_service_that_starts_again_and_again(
 
 
 def test_a_missing_library_is_named(tmp_path: Path) -> None:
-    (tmp_path / "pin").write_text(PIN)
+    write_pin(tmp_path / "pin", PIN)
     given = TokenSettings(module=tmp_path / "no.so", label="car", pin_file=tmp_path / "pin")
     with pytest.raises(TokenError, match=r"token car of .*no\.so: "):
         Pkcs11Token(given)
