@@ -87,6 +87,7 @@ class BoxModel:
             )
         if is_yolox:
             rows = self._from_cells(rows)
+        rows = rows[np.isfinite(rows).all(axis=1)]
         columns = [first_class + number for number in self._settings.classes]
         scores = rows[:, columns].max(axis=1)
         if has_objectness:

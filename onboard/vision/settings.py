@@ -144,6 +144,9 @@ def _is_pattern(text: str) -> str:
     return text
 
 
+ClassNumbers = Annotated[tuple[Annotated[int, Field(ge=0, le=9999)], ...], Field(min_length=1)]
+
+
 class BoxModelSettings(Settings):
     """A detector of the user's: an ONNX model, as the YOLO family exports it.
 
@@ -161,7 +164,7 @@ class BoxModelSettings(Settings):
     input_height_px: int = Field(640, ge=32, le=4096)
     has_objectness: bool = False
     """Whether a score for "any object" comes before those of the classes, as in YOLOv5."""
-    classes: tuple[int, ...] = (0,)
+    classes: ClassNumbers = (0,)
     """Classes that count."""
     least_score: float = Field(0.4, gt=0.0, lt=1.0)
     """Score below which a box is dropped."""
@@ -170,7 +173,7 @@ class BoxModelSettings(Settings):
 class VehicleModelSettings(BoxModelSettings):
     """A detector of the user's that finds vehicles."""
 
-    classes: tuple[int, ...] = (2, 3, 5, 7)
+    classes: ClassNumbers = (2, 3, 5, 7)
     """Classes that count as vehicles. In COCO: car, motorcycle, bus, truck."""
     every_n_frames: int = Field(3, ge=1, le=100)
     """The model runs on each n-th frame, since it is slow."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from onboard.errors import UserError
 from onboard.observations import ImageBox, LeadIdentity
@@ -82,6 +83,24 @@ def test_a_model_of_another_layout_is_an_error(tmp_path: Path) -> None:
     # Six values a row, of another number of rows.
     with pytest.raises(UserError, match=r"vehicle_model"):
         BoxModel(yolox(tmp_path, file=squares, classes=(0,)), "vision.vehicle_model")
+
+
+@pytest.mark.parametrize("classes", [(), (-3,)])
+def test_classes_that_no_model_has_are_an_error(tmp_path: Path, classes: tuple[int, ...]) -> None:
+    """A negative one counted from the last column."""
+    with pytest.raises(ValidationError, match="classes"):
+        model(tmp_path, classes=classes)
+
+
+def test_rows_that_are_no_numbers_are_left_out(tmp_path: Path) -> None:
+    settings = yolox(tmp_path)
+    content = settings.file.read_bytes()
+    side = np.float32(np.log(2.0)).tobytes()
+    settings.file.write_bytes(content.replace(side, np.float32(np.nan).tobytes()))
+
+    found = BoxModel(settings, "vision.vehicle_model").find(np.zeros((64, 64, 3), np.uint8))
+
+    assert found == []
 
 
 def test_a_truncated_model_is_an_error(tmp_path: Path) -> None:
