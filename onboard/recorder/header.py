@@ -15,8 +15,8 @@ from onboard.security.credentials import Credential, Credentials
 from onboard.security.oer import Malformed, Unsupported
 from onboard.settings import Settings, SettingsError
 
-FORMAT = 1
-"""Version of the format; raised when older recordings can no longer be replayed."""
+FORMAT = 2
+"""Version of the format; raised, with a migration, whenever a recorded input changes."""
 
 
 class Certificates(Settings):

@@ -14,10 +14,13 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
+from onboard.build import present_build
 from onboard.errors import UserError
 from onboard.recorder.header import FORMAT, RecordingHeader
+from onboard.recorder.migrations import OLDEST, migrated, migrated_header
 from onboard.recorder.segment import METADATA
-from onboard.settings import parse_settings
+from onboard.settings import SettingsError, parse_settings
+from onboard.trace.trace_line import as_json
 
 LARGEST_RECORD = 64 * 2**20
 """Longest valid record in bytes, and longest chunk when decompressed; chunks have about 100 KiB, or
@@ -116,7 +119,8 @@ class RecordedDrive:
         """
         paths = list(paths)
         files = [file for path in paths for file in _segments_in(path)]
-        headers = sorted(((*_header_of(file), file) for file in files), key=lambda each: each[0])
+        read = [(*_header_of(file), file) for file in files]
+        headers = sorted(((n, header, file) for n, header, _, file in read), key=lambda e: e[0])
         if not headers:
             below = sorted({file.parent for path in paths for file in path.glob("*/*.mcap")})
             there = f"; there are some in {', '.join(map(str, below))}" if below else ""
@@ -124,6 +128,8 @@ class RecordedDrive:
                 f"no recording found: segments are named <drive>-<number>.mcap{there}"
             )
         self.header: RecordingHeader = headers[0][1]
+        self.format = read[0][2]
+        """Format in which it was written."""
         self.files = [file for _, _, file in headers]
         drives = Counter(file.with_name(f"{header.drive}-*.mcap") for _, header, file in headers)
         if len({header.drive for _, header, _ in headers}) > 1:
@@ -143,26 +149,45 @@ class RecordedDrive:
                 if isinstance(record, Channel):
                     channels[record.id] = record.topic
                 elif isinstance(record, Message):
-                    yield Entry(channels[record.channel_id], record.log_time / 1e9, record.data)
+                    topic, data = channels[record.channel_id], record.data
+                    if self.format < FORMAT and topic.startswith(("/in/", "/out/", "/box/")):
+                        topic, fields = migrated(topic, json.loads(data), self.format, FORMAT)
+                        data = as_json(fields).encode()
+                    yield Entry(topic, record.log_time / 1e9, data)
+
+    def origin(self) -> str:
+        """Return which build wrote the recording, and which reads it."""
+        return _origin(self.header.software, self.format)
 
 
 def _segments_in(path: Path) -> list[Path]:
     return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
 
 
-def _header_of(file: Path) -> tuple[int, RecordingHeader]:
+def _origin(software: object, written: object) -> str:
+    return (
+        f"written by onboard {software} in format {written}; this is onboard"
+        f" {present_build().name}, which reads formats {OLDEST} to {FORMAT}"
+    )
+
+
+def _header_of(file: Path) -> tuple[int, RecordingHeader, int]:
     for record in raw_records(file):
         if isinstance(record, Metadata) and record.name == METADATA:
-            written = record.metadata.get("format")
-            if written != str(FORMAT):
-                raise RecordingError(
-                    f"{file}: written in format {written}; this software reads format {FORMAT}"
-                )
+            written = record.metadata.get("format", "")
             try:
                 number, tree = int(record.metadata["segment"]), json.loads(record.metadata["head"])
             except (KeyError, ValueError) as error:
                 raise RecordingError(f"{file}: damaged header: {error}") from error
-            return number, parse_settings(tree, RecordingHeader, str(file))
+            software = tree.get("software") if isinstance(tree, dict) else None
+            if not written.isdecimal() or not OLDEST <= int(written) <= FORMAT:
+                raise RecordingError(f"{file}: {_origin(software, written)}")
+            tree = migrated_header(tree, int(written), FORMAT)
+            try:
+                header = parse_settings(tree, RecordingHeader, str(file))
+            except SettingsError as error:
+                raise RecordingError(f"{error}; {_origin(software, written)}") from error
+            return number, header, int(written)
         if isinstance(record, Message):
             break
     raise RecordingError(f"{file}: not a recording of onboard, or cut off before its header")

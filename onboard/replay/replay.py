@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+from onboard.errors import UserError
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
 from onboard.recorder.records import Identity, RecordedMessage, RecordingGap, StepEnd
@@ -103,7 +104,10 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
             continue
         if not entry.topic.startswith(("/in/", "/recorder/")):
             continue
-        value = as_input(entry)
+        try:
+            value = as_input(entry)
+        except UserError as error:
+            raise RecordingError(f"{error}; {drive.origin()}") from error
         if isinstance(value, Identity):  # also between a step and its outputs
             car_ids[value.plate, value.epoch] = value.car_id
             continue

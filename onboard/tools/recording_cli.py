@@ -39,9 +39,12 @@ def export(
 
 def expect(paths: Sequence[Path], tolerance: float) -> bool:
     """Print how far a replay equals its recording; return whether all outputs are equal."""
-    comparison = compare(RecordedDrive(paths), tolerance)
+    drive = RecordedDrive(paths)
+    comparison = compare(drive, tolerance)
     for line in _verdict(comparison):
         typer.echo(line)
+    if comparison.difference is not None:
+        typer.echo(drive.origin())
     if comparison.gap is not None:
         raise UserError(
             f"{comparison.gap.dropped} records are missing here: the disk was full or too"

@@ -209,8 +209,12 @@ def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("format", "0", "written in format 0; this software reads format 1"),
-        ("format", "2", "written in format 2"),
+        (
+            "format",
+            "0",
+            "by onboard .* in format 0; this is onboard .*, which reads formats 1 to 2",
+        ),
+        ("format", "3", "by onboard .* in format 3; this is onboard"),
         ("segment", "one", "damaged header"),
         ("head", "{", "damaged header"),
         ("head", "{}", "is required and missing"),
