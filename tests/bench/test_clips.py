@@ -64,11 +64,11 @@ def test_a_collision_within_a_second_is_absurd() -> None:
     assert score(frames(*answers), {0: AHEAD}).absurd == 2
 
 
-def test_the_labels_are_of_four_clips_and_each_frame_states_its_own_lane() -> None:
+def test_the_labels_are_of_six_clips_and_each_frame_states_its_own_lane() -> None:
     clips = labels()
 
-    assert len(clips) == 4
-    assert sum(len(each) for each in clips.values()) == 164
+    assert len(clips) == 6
+    assert sum(len(each) for each in clips.values()) == 179
     assert all(
         not (frame.is_free and frame.own) for each in clips.values() for frame in each.values()
     )
