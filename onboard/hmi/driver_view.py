@@ -39,7 +39,7 @@ class GroupStatus:
     leader_id: str
     """The leader's short ID."""
     follower_count: int
-    """Number of vehicles on the warning list."""
+    """Number of followers."""
 
 
 class Relation(StrEnum):
@@ -49,7 +49,7 @@ class Relation(StrEnum):
     PREDECESSOR = "predecessor"
     """The host vehicle follows it."""
     FOLLOWER = "follower"
-    """It is on the warning list."""
+    """It is a follower."""
     OTHER = "other"
 
 

@@ -24,9 +24,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from onboard.lcca.followers import Followers
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
-from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import CarId, Update, Warn, WarnCause
 
 EventId = tuple[CarId, int]
@@ -131,7 +131,7 @@ class Forwarding:
         self,
         parameters: GroupParameters,
         position: GroupPosition,
-        warning_list: WarningList,
+        followers: Followers,
         reach: Reach,
         rng: np.random.Generator,
     ) -> None:
@@ -140,13 +140,13 @@ class Forwarding:
         Args:
             parameters: times and limits of the warning group.
             position: position of this vehicle in its group.
-            warning_list: followers of this vehicle, which must acknowledge.
+            followers: followers of this vehicle, which must acknowledge.
             reach: how many vehicles behind this one its radio reaches.
             rng: draws the spread of repetitions.
         """
         self._parameters = parameters
         self._position = position
-        self._warning_list = warning_list
+        self._followers = followers
         self._reach = reach
         self._rng = rng
         self._messages: dict[_Statement, _Message] = {}
@@ -252,7 +252,7 @@ class Forwarding:
 
     def is_last_forwarder(self, message: Update | Warn, distance: int) -> bool:
         """Whether this vehicle is the designated forwarder and has no follower to repeat it to."""
-        return message.reach == distance and not self._warning_list
+        return message.reach == distance and not self._followers
 
     def get_timer(self) -> float:
         """When a copy may be due; infinite if none is planned."""
@@ -304,13 +304,13 @@ class Forwarding:
         return (
             bool(entry.unacknowledged)
             if isinstance(entry.message, Warn)
-            else len(self._warning_list) > 0
+            else len(self._followers) > 0
         )
 
     def _lacks_acknowledgement(self, entry: _Message, now: float) -> bool:
         if now < entry.check_at:
             return False
-        entry.unacknowledged.intersection_update(self._warning_list.ids)
+        entry.unacknowledged.intersection_update(self._followers.ids)
         if not entry.unacknowledged or entry.repeats_left == 0:
             entry.check_at = math.inf
             return False
@@ -320,7 +320,7 @@ class Forwarding:
 
     def _store(self, message: Update | Warn, distance: int, repeat_at: float, now: float) -> None:
         event = event_of(message)
-        unacknowledged = set(self._warning_list.ids)
+        unacknowledged = set(self._followers.ids)
         unacknowledged -= {
             car_id
             for acknowledged, car_id, at in self._early_acknowledgements

@@ -1,7 +1,7 @@
 """One vehicle's part in its warning group (LCCA, section 3): the core without I/O.
 
 It puts the parts together: `lead_monitor` tells whether to join the lead, `membership` sends joins,
-`group_position` holds leader and number, `warning_list` the followers, `own_braking` the own state,
+`group_position` holds leader and number, `followers` who follows, `own_braking` the own state,
 `active_warnings` that of the vehicles ahead, `forwarding` repeats messages, and `transitions` alone
 decides the state in the group. docs/design/lcca.md states what the paper leaves open.
 """
@@ -23,6 +23,7 @@ from onboard.lcca.events import (
     WarningOver,
     WarningRaised,
 )
+from onboard.lcca.followers import Followers
 from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of, reach_of_cause
 from onboard.lcca.group_position import LARGEST_ADVANCE, GroupPosition
 from onboard.lcca.lead_monitor import LeadMonitor
@@ -31,7 +32,6 @@ from onboard.lcca.own_braking import OwnBraking
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.refused_warnings import RefusedWarnings
 from onboard.lcca.transitions import GroupEvent, GroupState, next_state
-from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import (
     NO_ID,
     CarId,
@@ -59,7 +59,7 @@ _MAX_ACKNOWLEDGEMENTS = 8
 
 
 class WarningGroup(Core):
-    """State, membership, warning list and forwarding of one vehicle."""
+    """State, membership, followers and forwarding of one vehicle."""
 
     def __init__(
         self, parameters: GroupParameters, own_id: CarId, rng: np.random.Generator
@@ -80,11 +80,9 @@ class WarningGroup(Core):
         )
         self._lead_monitor = LeadMonitor(parameters)
         self._membership = Membership(parameters, self._lead_monitor, rng)
-        self._warning_list = WarningList(parameters.membership_lifetime_s)
+        self._followers = Followers(parameters.membership_lifetime_s)
         self._reach = Reach(parameters)
-        self._forwarding = Forwarding(
-            parameters, self._position, self._warning_list, self._reach, rng
-        )
+        self._forwarding = Forwarding(parameters, self._position, self._followers, self._reach, rng)
         self._own_braking = OwnBraking(parameters, rng)
         self._active_warnings = ActiveWarnings(parameters)
         self._refused_warnings = RefusedWarnings(parameters.event_lifetime_s)
@@ -115,8 +113,8 @@ class WarningGroup(Core):
 
     @property
     def followers(self) -> tuple[CarId, ...]:
-        """The warning list."""
-        return self._warning_list.ids
+        """IDs of the vehicles that follow this one."""
+        return self._followers.ids
 
     def receive_speed(self, speed_m_s: float, now: float) -> None:
         """Take a sample of the own speed."""
@@ -201,7 +199,7 @@ class WarningGroup(Core):
         """When `handle_timer` is due; infinite if nothing is planned."""
         return min(
             self._membership.get_timer(),
-            self._warning_list.get_timer(),
+            self._followers.get_timer(),
             self._forwarding.get_timer(),
             self._own_braking.get_timer(),
             self._active_warnings.get_timer(),
@@ -210,7 +208,7 @@ class WarningGroup(Core):
     @override
     def handle_timer(self, now: float) -> None:
         """Do what has become due."""
-        if self._warning_list.expire(now):
+        if self._followers.expire(now):
             self._apply_event(GroupEvent.UNFOLLOWED, "expired", now)
         reason = self._membership.expire(now)
         if reason is not None:
@@ -285,7 +283,7 @@ class WarningGroup(Core):
         self._forwarding.drop_others()
         before = self._position.in_group
         self._position.become_first()
-        event = GroupEvent.LEFT_LEADING if self._warning_list else GroupEvent.LEFT_ALONE
+        event = GroupEvent.LEFT_LEADING if self._followers else GroupEvent.LEFT_ALONE
         self._apply_event(event, reason.name.lower(), now)
         self._announce(before, now)
 
@@ -313,9 +311,9 @@ class WarningGroup(Core):
     def _receive_join(self, join: Join, now: float) -> None:
         is_for_us = join.to_id == self._position.own_id
         if is_for_us and join.previous_id != NO_ID:
-            self._warning_list.rename(join.previous_id, join.sender_id)
+            self._followers.rename(join.previous_id, join.sender_id)
             self._forwarding.rename(join.previous_id, join.sender_id)
-        if is_for_us and join.sender_id not in self._warning_list:
+        if is_for_us and join.sender_id not in self._followers:
             is_close = self._lead_monitor.shows_close(self._membership.predecessor)
             self._forwarding.add_recipient(join.sender_id, now, is_close=is_close)
         acknowledged = (join.acknowledged_origin_id, join.acknowledged_sequence)
@@ -326,7 +324,7 @@ class WarningGroup(Core):
             return
         if join.sender_id in (self._membership.predecessor, self._position.leader_id):
             self._discard("loop", join, now)
-        elif self._warning_list.refresh(join.sender_id, now):
+        elif self._followers.refresh(join.sender_id, now):
             self._apply_event(GroupEvent.FOLLOWED, "join", now)
         self._outbox.append(
             Reply(
@@ -340,7 +338,7 @@ class WarningGroup(Core):
         )
 
     def _receive_leave(self, leave: Leave, now: float) -> None:
-        if leave.to_id == self._position.own_id and self._warning_list.remove(leave.sender_id):
+        if leave.to_id == self._position.own_id and self._followers.remove(leave.sender_id):
             self._apply_event(GroupEvent.UNFOLLOWED, "leave", now)
 
     # Updates and warnings
@@ -351,7 +349,7 @@ class WarningGroup(Core):
         leader_before, number_before = before
         shift = number_before - position.number
         is_renamed = shift == 0 and self._adjacent_ids.is_changing(now)
-        if before == position.in_group or is_renamed or not self._warning_list:
+        if before == position.in_group or is_renamed or not self._followers:
             return
         update = Update(
             *position.header,

@@ -9,7 +9,7 @@ its *predecessor*, the lead vehicle that its camera shows, from the reply to its
 leaves. The state follows from two facts that each vehicle knows without others:
 
 - does it follow a predecessor (its join was answered, and it has not left since)?
-- is it followed (its warning list is not empty)?
+- is it followed (it has followers)?
 
     follows | is followed | state
     --------|-------------|--------
@@ -21,7 +21,7 @@ No message sets a state directly: a vehicle becomes LEADER when it leaves and is
 it is followed and does not follow. The two facts change one at a time, each in two directions,
 which gives four events; two more concern a vehicle that stays a member:
 
-- FOLLOWED, UNFOLLOWED: the warning list got its first follower, or lost its last one.
+- FOLLOWED, UNFOLLOWED: the vehicle got its first follower, or lost its last one.
 - JOINED: the lead vehicle answered and is now the predecessor. A member that JOINED changes its
   predecessor without having left the group in between.
 - LEFT_LEADING, LEFT_ALONE: the vehicle follows no longer, and is followed or not. Two events, so
@@ -35,7 +35,7 @@ The leader has number 1, every other member its predecessor's number plus one. T
 count of vehicles ahead in the group plus one, and gives receivers without positions the order.
 
 The paper's figure 2 has the same states; it omits the pairs that only arise with a lossy radio or
-with a second vehicle on the warning list.
+with a second follower.
 """
 
 from enum import Enum

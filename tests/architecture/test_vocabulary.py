@@ -26,6 +26,7 @@ RETIRED_IN_PROGRAMS = RETIRED_WORDS | {
 
 RETIRED_NAMES = frozenset({
     ("car", "ahead"), ("held", "warnings"), ("own", "car"), ("plate", "ahead"),
+    ("warning", "list"),
 })  # fmt: skip
 """Words that no identifier and file name has in a row."""
 

@@ -45,7 +45,7 @@ def test_the_example_of_the_paper() -> None:
     reply = [m for m in talk if isinstance(m, Reply) and m.sender_id == B][-1]
     assert (reply.to_id, reply.leader_id, reply.number) == (C, A, 2)
     assert places(road) == {"A": ("A", 1), "B": ("A", 2), "C": ("A", 3)}
-    # A has B on its warning list L_A, and B has C.
+    # B follows A (it is on the warning list L_A), and C follows B.
     assert [car.group.followers for car in road.cars.values()] == [(B,), (C,), ()]
     states = [car.group.state for car in road.cars.values()]
     assert states == [GroupState.LEADER, GroupState.MEMBER, GroupState.MEMBER]
@@ -173,7 +173,7 @@ def test_a_plate_misread_permanently_ends_the_membership() -> None:
 # Leaving
 
 
-def test_a_vehicle_that_falls_back_leaves_and_is_removed_from_the_warning_list() -> None:
+def test_a_vehicle_that_falls_back_leaves_and_is_removed_from_the_followers() -> None:
     road = Road()
     a, b = road.add_row("AB")
     road.run(2.0)

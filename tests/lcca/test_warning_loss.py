@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from onboard.lcca.followers import Followers
 from onboard.lcca.forwarding import Forwarding, Reach
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
-from onboard.lcca.warning_list import WarningList
 from onboard.messages.lcca import NO_ID, Join, Update, Warn
 from tests.lcca.road import Air, Road, Transmission, car_id
 from tests.lcca.rows import row, warned
@@ -93,7 +93,7 @@ def test_an_impossible_reach_does_not_delay_an_update() -> None:
     parameters = GroupParameters()
     reach = Reach(parameters)
     forwarding = Forwarding(
-        parameters, GroupPosition(B, 3.0, 0), WarningList(2.5), reach, np.random.default_rng(0)
+        parameters, GroupPosition(B, 3.0, 0), Followers(2.5), reach, np.random.default_rng(0)
     )
     for behind in (1, 2):
         reach.receive(behind.to_bytes(8), behind, 10.0)

@@ -1,4 +1,4 @@
-"""The warning list: the vehicles that follow this one (LCCA, section 3)."""
+"""The vehicles that follow this one, which the LCCA paper calls its warning list (section 3)."""
 
 import math
 from collections import OrderedDict
@@ -6,13 +6,13 @@ from collections import OrderedDict
 from onboard.messages.lcca import CarId
 
 
-class WarningList:
-    """A follower stays on the list until it leaves or sends no join for `lifetime_s`.
+class Followers:
+    """A vehicle is a follower until it leaves or sends no join for `lifetime_s`.
 
-    Only one vehicle can be directly behind, but more may be listed for a while: one that cut in and
+    Only one vehicle can be directly behind, but more may follow for a while: one that cut in and
     the one behind it, or one that misread a plate. A needless warning is the smaller harm. No join
     is refused, however many arrive: a sender of many identities must not keep the vehicle behind
-    from being warned. Every operation therefore takes constant time, whatever the list's length.
+    from being warned. Every operation therefore takes constant time, however many there are.
     """
 
     def __init__(self, lifetime_s: float) -> None:
@@ -28,18 +28,18 @@ class WarningList:
 
     @property
     def ids(self) -> tuple[CarId, ...]:
-        """Followers, the least recently refreshed first."""
+        """IDs of the followers, the least recently refreshed first."""
         return tuple(self._until)
 
     def refresh(self, car_id: CarId, now: float) -> bool:
-        """Add a follower, or extend its lifetime. Return whether the list was empty before."""
+        """Add a follower, or extend its lifetime. Return whether there was none before."""
         was_empty = not self._until
         self._until[car_id] = now + self._lifetime_s
         self._until.move_to_end(car_id)
         return was_empty
 
     def rename(self, old_id: CarId, new_id: CarId) -> None:
-        """Take the new ID of a follower, which is listed last."""
+        """Take the new ID of a follower, which comes last."""
         until = self._until.pop(old_id, None)
         if until is not None and new_id not in self._until:
             self._until[new_id] = until
@@ -56,5 +56,5 @@ class WarningList:
         return not was_empty and not self._until
 
     def get_timer(self) -> float:
-        """When the next follower expires; infinite if the list is empty."""
+        """When the next follower expires; infinite without one."""
         return next(iter(self._until.values()), math.inf)
