@@ -14,6 +14,7 @@ units=/etc/systemd/system networks=/etc/systemd/network
 journal=/etc/systemd/journald.conf.d/onboard.conf
 rules=/etc/udev/rules.d/70-onboard.rules
 sysctl=/etc/sysctl.d/80-onboard.conf
+before=$home/units-before
 
 complain() { echo "install.sh: $1" >&2; exit "${2:-1}"; }
 
@@ -38,6 +39,7 @@ install() {
     add_user
     add_program
     add_configuration
+    note_units
     add_system_files
     systemctl daemon-reload
     udevadm control --reload 2>/dev/null || true  # containers have no udev
@@ -106,6 +108,25 @@ add_system_files() {
     fi
 }
 
+# Writes down which units were enabled, once, for the uninstallation.
+note_units() {
+    [ ! -e "$before" ] || return 0
+    for unit in gpsd.service systemd-networkd.service systemd-networkd-wait-online.service; do
+        echo "$unit $(systemctl is-enabled "$unit" 2>/dev/null || true)"
+    done >"$before.new"
+    mv "$before.new" "$before"
+}
+
+restore_units() {
+    [ -e "$before" ] || return 0
+    while read -r unit state; do
+        case $state in
+        enabled) systemctl enable --quiet "$unit" ;;
+        disabled) systemctl disable --quiet --now "$unit" ;;
+        esac
+    done <"$before"
+}
+
 start_network() {
     # networkd manages only the interfaces of these files; other network software keeps the rest. So
     # the boot must not wait for networkd to be online.
@@ -118,6 +139,7 @@ start_network() {
 
 uninstall() {
     systemctl disable --quiet --now onboard.service 2>/dev/null || true
+    restore_units
     rm -rf "$home" "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
     rm -f "$units/onboard.service" "$journal" "$rules" "$sysctl" /usr/local/bin/onboard
     rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*

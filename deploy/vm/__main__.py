@@ -99,6 +99,11 @@ sync
 """
 """Installation as described in docs/in-the-car.md."""
 
+ENABLED = (
+    "for unit in gpsd.service systemd-networkd.service systemd-networkd-wait-online.service;"
+    " do echo $unit $(systemctl is-enabled $unit); done"
+)
+"""Lists whether the units are enabled that the installation may switch on or off."""
 STATE = (
     "find /etc /opt/onboard /var/lib/onboard /usr/local/bin -xdev -not -type d -not -name '*.pyc'"
     " -not -name direct_url.json -not -name RECORD -printf '%p %U %G %m %s\\n' | sort"
@@ -164,6 +169,7 @@ class VmTest:
         machine = Namespaces(BUILD, BUILD / "namespaces", SHARE)
         try:
             with self._timed("install.sh twice"):
+                enabled = machine.run(ENABLED, check=False).output
                 machine.run(SET_UP, timeout_s=600.0)
                 before = machine.run(STATE).output
                 machine.run("sh /share/box/install.sh --vcan; systemctl stop onboard")
@@ -175,6 +181,8 @@ class VmTest:
             self._drive(drive)
             self._do(drive.stop)
             self._uninstall(machine)
+            if (left := machine.run(ENABLED, check=False).output) != enabled:
+                self._failures.append(f"uninstall left units as {left}, before: {enabled}")
         finally:
             machine.cut_power()
         return self._is_kept()
