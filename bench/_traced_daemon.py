@@ -21,7 +21,7 @@ from typing import Any
 from onboard.lcca.group import WarningGroup
 from onboard.messages import lcca
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
-from onboard.runtime import daemon
+from onboard.runtime import wires
 from onboard.runtime.daemon import Daemon
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.service import Service
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("config", type=Path)
     parser.add_argument("out", type=Path)
     given = parser.parse_args()
-    _note(Daemon, "_on_wsm", before="taken", checksum=True)
+    _note(Daemon, "_take_wsm", before="taken", checksum=True)
     _note(SecurityServices, "open", before="begun", after="verified")
     _note(lcca, "decode", after="decoded")
     _note(WarningGroup, "receive_message", after="grouped")
@@ -52,7 +52,7 @@ def main() -> None:
     _note(IwcuEndpoint, "send", before="stepped", after="sent")
     _note_shown()
     if given.no_camera:
-        daemon.CameraThread = _NoCamera  # type: ignore[attr-defined, assignment]
+        wires.CameraThread = _NoCamera  # type: ignore[attr-defined, assignment]
     asyncio.run(Service(given.config).run())
     given.out.write_text("".join(json.dumps(row) + "\n" for row in _rows), encoding="utf-8")
 

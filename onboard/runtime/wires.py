@@ -1,0 +1,176 @@
+"""The wires of one vehicle: opened in a fixed order, they deliver inputs and send outputs."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+
+from onboard.brake_request.brake_requester import BrakeRequest
+from onboard.brake_request.request_outputs import RequestOutputs
+from onboard.detector.detector_socket import open_detector
+from onboard.detector.object_list import ObjectListReader
+from onboard.gnss.gpsd import Gpsd
+from onboard.gnss.gpsd_reader import GpsdReader
+from onboard.obd.can_bus import CanBus
+from onboard.obd.can_frame import CanFrame
+from onboard.observations import Lead, Sensor, SensorLost
+from onboard.recorder.black_box import BlackBox
+from onboard.recorder.records import RecorderState
+from onboard.runtime.candidate_ids import CandidateIds
+from onboard.runtime.radio_loss import RadioLoss
+from onboard.step import Input, Observation, StepOutputs
+from onboard.vehicle.config import CarConfig
+from onboard.vision.camera import CameraThread
+from onboard.vision.networks import load_perception
+from onboard.wave_udp.endpoint import open_endpoint
+
+Item = Input | Callable[[float], Iterable[Input]]
+"""An input, or a function that makes inputs with the `now` of the step."""
+
+
+class Wires:
+    """The recorder, the sensors, the radio and the ways out of requests to brake, as configured."""
+
+    def __init__(
+        self,
+        config: CarConfig,
+        take: Callable[[Item], None],
+        take_wsm: Callable[[bytes], None],
+        show: Callable[[RecorderState], None],
+    ) -> None:
+        """Open nothing yet. The callbacks are called from the loop.
+
+        Args:
+            config: which wires there are.
+            take: gets what the wires deliver, and which of them are lost.
+            take_wsm: gets each frame of the radio.
+            show: gets the recorder's state when it changes.
+
+        Raises:
+            UserError: the DBC file of the requests to brake cannot be read.
+        """
+        self._config = config
+        self._take = take
+        self._take_wsm = take_wsm
+        self._show = show
+        self.black_box = (
+            BlackBox(config.recorder, self._on_recorder_state) if config.recorder else None
+        )
+        self._request_outputs = (
+            RequestOutputs(config.brake_request, take) if config.brake_request else None
+        )
+        self._send_can: Callable[[CanFrame], None] = _nowhere
+        self._send_wsm: Callable[[bytes, int], None] = _nowhere
+
+    async def open(self, candidate_ids: CandidateIds, exits: contextlib.AsyncExitStack) -> None:
+        """Open all of them in the running loop, until `exits` are closed, the last one first.
+
+        Args:
+            candidate_ids: derives the IDs of what the camera reads.
+            exits: close the wires.
+
+        Raises:
+            UserError: one of them cannot be opened.
+        """
+        self._loop = asyncio.get_running_loop()
+        self._open_recorder(exits)
+        self._open_can(exits)
+        self._open_gnss(exits)
+        self._open_radio(exits)
+        candidate_ids.start()
+        exits.callback(candidate_ids.close)
+        self._open_camera(candidate_ids, exits)
+        await self._open_detector(exits)
+
+    def send(self, outputs: StepOutputs) -> None:
+        """Send the frames and requests of a step; they are lost on a wire that there is not."""
+        for wsm in outputs.wsms:
+            self._send_wsm(wsm.data, wsm.user_priority)
+        for frame in outputs.can_frames:
+            self._send_can(frame)
+        if self._request_outputs is not None:
+            for event in outputs.events:
+                if isinstance(event, BrakeRequest):
+                    self._request_outputs.send(event)
+
+    def _open_recorder(self, exits: contextlib.AsyncExitStack) -> None:
+        if self.black_box is not None:
+            self.black_box.start()
+            exits.push_async_callback(_close_recorder, self.black_box)
+
+    def _open_can(self, exits: contextlib.AsyncExitStack) -> None:
+        if self._config.can is not None:
+            on_state = partial(self._on_state, Sensor.SPEED)
+            bus = CanBus(self._config.can, self._take, on_state, self._take)
+            bus.start(self._loop)
+            exits.callback(bus.close)
+            self._send_can = bus.send
+        if self._request_outputs is not None:
+            self._request_outputs.open(self._loop, exits)
+
+    def _open_gnss(self, exits: contextlib.AsyncExitStack) -> None:
+        if self._config.gnss is not None:
+            take_data = self._reading(GpsdReader(self._config.gnss))
+            gpsd = Gpsd(self._config.gnss, take_data, partial(self._on_state, Sensor.POSITION))
+            gpsd.start(self._loop)
+            exits.callback(gpsd.close)
+
+    def _open_radio(self, exits: contextlib.AsyncExitStack) -> None:
+        if self._config.radio is not None:
+            loss = RadioLoss(self._take)
+            exits.callback(loss.close)
+            radio = open_endpoint(self._config.radio, self._take_wsm, loss.receive_error)
+            exits.callback(radio.close)
+            radio.start(self._loop)
+            self._send_wsm = radio.send
+
+    def _open_camera(self, candidate_ids: CandidateIds, exits: contextlib.AsyncExitStack) -> None:
+        config = self._config
+        if config.camera is not None:
+            takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
+            on_image = self.black_box.record_image if self.black_box and takes_pictures else None
+            perception = load_perception(config.camera, config.vision)
+            on_seen = partial(self._on_seen, candidate_ids)
+            camera = CameraThread(config.camera, perception, on_seen, on_image)
+            camera.start()
+            exits.callback(camera.close)
+
+    async def _open_detector(self, exits: contextlib.AsyncExitStack) -> None:
+        if self._config.detector is not None:
+            take_data = self._reading(ObjectListReader())
+            exits.callback((await open_detector(self._config.detector, take_data)).close)
+
+    def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
+        """Return a function that has bytes read by `reader` in the next step."""
+
+        def read(data: bytes, now: float) -> Iterator[Input]:
+            reader.receive_bytes(data, now)
+            return iter(reader.next_event, None)
+
+        return lambda data: self._take(partial(read, data))
+
+    def _on_state(self, sensor: Sensor, up: bool, why: str) -> None:
+        if not up:  # recovered by the next observation, not by the wire
+            self._take(SensorLost(self._loop.time(), sensor, silent_s=None, reason=why))
+
+    def _on_seen(self, candidate_ids: CandidateIds, observations: Sequence[Observation]) -> None:
+        """Take observations in the camera thread: of a lead, the candidates with derived IDs."""
+        for observation in observations:
+            seen = observation
+            if isinstance(observation, Lead):
+                seen = candidate_ids.derived(observation, time.time())
+            self._loop.call_soon_threadsafe(self._take, seen)
+
+    def _on_recorder_state(self, state: RecorderState) -> None:
+        """Show the recorder's state; called in the black box's thread."""
+        self._loop.call_soon_threadsafe(self._show, state)
+
+
+async def _close_recorder(black_box: BlackBox) -> None:
+    black_box.close()
+    await asyncio.sleep(0)  # its last state is traced before the trace is closed
+
+
+def _nowhere(*_: object) -> None:
+    """Discard a frame of a wire that the vehicle does not have."""
