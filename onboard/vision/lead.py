@@ -22,9 +22,9 @@ NEAR_LANE_WIDTHS, STRAIGHT_AHEAD_LANE_WIDTHS = 5.0, 0.25
 """Distance ahead and to the side within which a vehicle is always in the lane, in lane widths."""
 NEAREST_LANE_WIDTHS = 0.3
 """Least distance of a lead in lane widths: 1 m, where the bonnet is."""
-LEAD_SLACK = 2.0
+LEAD_SLACK = 4.0
 """Factor on the inconsistency up to which what is in the lane stays a body: with 1, two of 37 leads
-of the labelled clips are lost; without a bound, a patch of shadow stayed a lead."""
+of the labelled clips are lost, with 2, a rendered lead in a drive with darkened frames."""
 WIDTH_RATIOS = 0.6, 1.7
 """Least and largest width of a vehicle's box at its gap, by the usual width of its kind: a tractor
 taken for a car is 1.4 times as wide, a small car taken for a truck 0.7. Not fitted."""

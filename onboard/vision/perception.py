@@ -199,8 +199,6 @@ class Perception:
         if verdict.has_sky_below:
             self._free_at = -math.inf
         pairs = self._tracker.receive_detections(detections, stamp_s)
-        if verdict.is_cut:
-            self._tracker.drop_unseen(stamp_s)
         for track in self._tracker.tracks:
             if track.observed_at == stamp_s:
                 box = bounding_box(track.corners_px)

@@ -96,10 +96,6 @@ class Tracker:
         self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
         return pairs
 
-    def drop_unseen(self, stamp_s: float) -> None:
-        """Drop the tracks without a detection in this frame, which shows another scene."""
-        self.tracks = [track for track in self.tracks if track.detected_at == stamp_s]
-
     def _is_on_a_vehicle(self, detection: Detection) -> bool:
         """Whether it is at the height of plates on vehicles, and not on a billboard."""
         slack_m = self._slope * detection.position.ahead_m

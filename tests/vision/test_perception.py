@@ -287,15 +287,3 @@ def test_without_a_calibration_any_size_is_processed() -> None:
     while (event := perception.next_event()) is not None:
         formats.append(event.kind)
     assert formats == ["plate", "lead", "plate", "lead"]
-
-
-def test_after_a_cut_a_lead_that_is_not_there_is_none() -> None:
-    """The scene of a video changes from one frame to the next: the lead stayed for 0.4 s."""
-    perception = load_perception(CAMERA, SETTINGS)
-    observe(perception, frames(lambda _: road(tagged(15, 0, 1)), 1.0))
-    elsewhere = np.random.default_rng(1).integers(0, 255, (9, 16, 3), np.uint8)
-    image = np.repeat(np.repeat(elsewhere, 80, axis=0), 80, axis=1)
-
-    observed = observe(perception, iter([(1.0, image)]))
-
-    assert [lead.gap_m for lead in observed.leads] == [None]
