@@ -161,6 +161,11 @@ class Certificate:
     """`None` in an implicit certificate."""
     encoded: bytes = field(repr=False)
 
+    def ssp(self, psid: int) -> bytes | None:
+        """Return the service-specific permissions of one application; `None`: without."""
+        found = (each.ssp for each in self.subject.permissions if each.psid == psid)
+        return next(found, None)
+
     @property
     def is_implicit(self) -> bool:
         """Whether it has a reconstruction value in place of key and signature."""

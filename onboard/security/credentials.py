@@ -12,6 +12,8 @@ class Credential:
 
     certificate: Certificate
     key: p256.PrivateKey = field(repr=False)
+    committed: tuple[bytes, ...] = field(default=(), repr=False)
+    """Leaves of the vehicle IDs that the certificate commits to (`id_commitment`); empty: none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,11 @@ class Credentials:
     """Between roots and pseudonyms."""
     crls: tuple[bytes, ...] = ()
     """Signed revocation lists (SecuredCrl)."""
+
+    @property
+    def commit_to_ids(self) -> bool:
+        """Whether the authority binds vehicle IDs to certificates: others then prove theirs too."""
+        return any(each.committed for each in self.pseudonyms)
 
 
 @dataclass(frozen=True, slots=True)

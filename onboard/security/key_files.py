@@ -1,12 +1,13 @@
 """Keys and certificates on disk, in folders that only their owner can open.
 
-    CAR/pseudonyms/000.cert, 000.key, ...      AUTHORITY/own.cert, own.key
+    CAR/pseudonyms/000.cert, 000.key, 000.ids, ...      AUTHORITY/own.cert, own.key
     CAR/crls/*.crl
     both: roots/*.cert, authorities/*.cert
 
 Certificates and revocation lists are encoded as in IEEE 1609.2, keys as PKCS #8 PEM; a car's keys
-may be in a token instead (`pkcs11_token.py`). The cars of
-another trial are trusted once its certificates are in `roots` and `authorities`.
+may be in a token instead (`pkcs11_token.py`). `.ids` has the leaves of the vehicle IDs that a
+certificate commits to (`id_commitment.py`), where it does. The cars of another trial are trusted
+once its certificates are in `roots` and `authorities`.
 """
 
 import os
@@ -26,6 +27,7 @@ from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
+from onboard.security.id_commitment import NODE_BYTES, ssp_of
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.pkcs11_token import Pkcs11Key, Pkcs11Token
 from onboard.security.private_file import exposure
@@ -205,6 +207,8 @@ def _read_trusted(folder: Path) -> tuple[tuple[Certificate, ...], tuple[Certific
 
 def _write_credential(folder: Path, name: str, credential: Credential) -> None:
     _write(folder / f"{name}.cert", credential.certificate.encoded)
+    if credential.committed:
+        _write(folder / f"{name}.ids", b"".join(credential.committed))
     if isinstance(credential.key, Pkcs11Key):
         return
     pem = credential.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
@@ -213,10 +217,11 @@ def _write_credential(folder: Path, name: str, credential: Credential) -> None:
 
 def _read_credential(folder: Path, name: str, token: Pkcs11Token | None = None) -> Credential:
     certificate = _read_certificate(folder / f"{name}.cert")
+    committed = _read_committed(folder / f"{name}.ids", certificate)
     file = folder / f"{name}.key"
     public_key = certificate.subject.public_key
     if token is not None and public_key is not None and not file.exists():
-        return Credential(certificate, token.key_of(p256.public_key(public_key)))
+        return Credential(certificate, token.key_of(p256.public_key(public_key)), committed)
     _require_private(file)
     try:
         key = load_pem_private_key(_read(file), password=None)
@@ -224,7 +229,21 @@ def _read_credential(folder: Path, name: str, token: Pkcs11Token | None = None) 
         raise KeyFilesError(f"{file}: no private key in PEM") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise KeyFilesError(f"{file}: is not the key of {name}.cert")
-    return Credential(certificate, key)
+    return Credential(certificate, key, committed)
+
+
+def _read_committed(file: Path, certificate: Certificate) -> tuple[bytes, ...]:
+    """Read the leaves that a certificate commits to; none if there is no such file."""
+    if not file.exists():
+        return ()
+    content = _read(file)
+    leaves = tuple(content[at : at + NODE_BYTES] for at in range(0, len(content), NODE_BYTES))
+    ssps = (permission.ssp for permission in certificate.subject.permissions)
+    if not leaves or ssp_of(leaves) not in ssps:
+        raise KeyFilesError(
+            f"{file}: is not of {file.stem}.cert; make both with `onboard keys car`"
+        )
+    return leaves
 
 
 def _read_certificate(file: Path) -> Certificate:

@@ -62,7 +62,11 @@ class PlateDigest:
 
     def epoch_ends_at(self, utc_s: float) -> float:
         """Return the UTC second from which the IDs of the next epoch are valid."""
-        return (self.epoch(utc_s) + 1) * self._settings.epoch_s
+        return self.begins_at(self.epoch(utc_s) + 1)
+
+    def begins_at(self, epoch: int) -> float:
+        """Return the UTC second at which an epoch begins."""
+        return epoch * self._settings.epoch_s
 
     def epoch(self, utc_s: float) -> int:
         """Return the number of the epoch at `utc_s`; the same for all cars."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from onboard.security.credentials import Credential, Credentials
+from onboard.security.id_commitment import Proof, leaf, proof_of
 from onboard.security.plate_digest import PlateDigest
 
 
@@ -37,6 +38,8 @@ class Pseudonym:
     credential: Credential | None
     """Certificate and key; `None` if messages are not signed."""
     ends_at_utc_s: float
+    proof: Proof = ()
+    """That the certificate commits to `car_id`; empty if it does not."""
 
     def is_out_of_date(self, utc_s: float) -> bool:
         """Whether its certificate is not valid at `utc_s`."""
@@ -74,25 +77,31 @@ class Pseudonyms:
         """Return the pseudonym at `utc_s`; the same object until it ends."""
         ends_at_utc_s = self._digest.epoch_ends_at(utc_s)
         if self._current is None or self._current.ends_at_utc_s != ends_at_utc_s:
+            car_id = self._digest.car_id(self._plate_text, utc_s)
+            credential = self._credential(car_id, utc_s, ends_at_utc_s)
+            committed = () if credential is None else credential.committed
             self._current = Pseudonym(
-                car_id=self._digest.car_id(self._plate_text, utc_s),
+                car_id=car_id,
                 temporary_id=self._rng.bytes(4),
                 first_msg_cnt=int(self._rng.integers(128)),
-                credential=self._credential(utc_s, ends_at_utc_s),
+                credential=credential,
                 ends_at_utc_s=ends_at_utc_s,
+                proof=proof_of(car_id, committed) or (),
             )
         return self._current
 
-    def _credential(self, utc_s: float, ends_at_utc_s: float) -> Credential | None:
+    def _credential(self, car_id: bytes, utc_s: float, ends_at_utc_s: float) -> Credential | None:
         """Return the certificate of this epoch, one that is valid for all of it.
 
+        One that commits to the ID of the epoch comes first: only with it the ID can be proved.
         The epoch's number selects it: a car that restarts within an epoch signs as before and is
         not taken for a second signer of the same communication ID. If none is valid, an expired one
         is used: receivers refuse its messages with a reason, which is easier to diagnose than
         silence.
         """
         valid = [each for each in self._credentials if _is_valid(each, utc_s, ends_at_utc_s)]
-        candidates = valid or self._credentials
+        committed = [each for each in valid if leaf(car_id) in each.committed]
+        candidates = committed or valid or self._credentials
         return candidates[self._digest.epoch(utc_s) % len(candidates)] if candidates else None
 
 

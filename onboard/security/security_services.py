@@ -48,6 +48,8 @@ class Opened:
     """In all of which the signer must be: of its certificate, and of those above it."""
     location: TwoDLocation | None = None
     """Where it was generated, if its header says so."""
+    ssp: bytes | None = None
+    """What the signer's certificate permits in this service; `None`: everything."""
 
     def is_valid_at(self, place: TwoDLocation | None) -> bool:
         """Whether the certificate is valid where the message comes from (IEEE 1609.2, 5.2.3).
@@ -260,6 +262,7 @@ class SecurityServices:
             from_time64(generation),
             signer.regions,
             None if place is None else TwoDLocation(place.latitude_deg, place.longitude_deg),
+            signer.certificate.ssp(message.psid),
         )
 
     def _check_time(self, message: SignedData, utc_s: float) -> int:

@@ -4,8 +4,8 @@ A root issues authorities only, and an authority only pseudonyms, which have no 
 the revocation lists of what it issued.
 """
 
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
 from onboard.security import ecqv, ieee1609dot2, p256
@@ -19,8 +19,10 @@ from onboard.security.certificates import Certificate, IssuePermission, Permissi
 from onboard.security.credentials import Authority, Credential, Credentials
 from onboard.security.crl import CrlContents, CrlSsp, HashIdCrl
 from onboard.security.crl_codec import encode_crl, encode_ssp
+from onboard.security.id_commitment import leaf, ssp_of
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.region import GeographicRegion
-from onboard.wave_udp.psid import CRL, OF_ROAD_SIDE_UNITS
+from onboard.wave_udp.psid import CRL, J2735, LCCA, OF_ROAD_SIDE_UNITS
 
 DAY_S = 86_400.0
 _SERIES = 1
@@ -28,6 +30,29 @@ _CRACA = Permission(CRL, encode_ssp(CrlSsp(is_craca=True, series=frozenset({_SER
 """The permission to sign the revocation lists of the certificates below."""
 
 NewKey = Callable[[], p256.PrivateKey]
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPlate:
+    """A vehicle's plate, to whose IDs its certificates commit."""
+
+    text: str
+    digest: PlateDigest
+    psid: int = LCCA
+    """Service of the messages that carry the IDs."""
+
+    def leaves(self, number: int, count: int, valid: "Validity") -> tuple[bytes, ...]:
+        """Return the leaves of one of `count` certificates between which the vehicle changes.
+
+        It is used in every `count`-th epoch (`Pseudonyms`).
+        """
+        from_utc_s = valid["valid_from_utc_s"]
+        first, last = (
+            self.digest.epoch(utc_s) for utc_s in (from_utc_s, from_utc_s + valid["valid_for_s"])
+        )
+        epochs = range(first + (number - first) % count, last + 1, count)
+        begins_utc_s = (self.digest.begins_at(epoch) for epoch in epochs)
+        return tuple(leaf(self.digest.car_id(self.text, utc_s)) for utc_s in begins_utc_s)
 
 
 class Validity(TypedDict):
@@ -56,7 +81,7 @@ def make_root(
     """
     key = new_key()
     grants = (
-        IssuePermission(frozenset(psids), min_chain_length=2),
+        _grant(psids, min_chain_length=2),
         IssuePermission(frozenset(), any_ssp=frozenset({CRL})),
     )
     public_key = p256.compressed(key.public_key())
@@ -83,16 +108,15 @@ def make_issuing(
         new_key: creates the private key.
     """
     key = new_key()
-    psids = frozenset[int]().union(
-        *(grant.psids or () for grant in root.credential.certificate.subject.issue_permissions)
-    )
+    grants = root.credential.certificate.subject.issue_permissions
+    psids = frozenset[int]().union(*((grant.psids or set()) | grant.any_ssp for grant in grants))
     subject = Subject(
         name,
         valid_from_utc_s,
         valid_for_s,
         p256.compressed(key.public_key()),
         (_CRACA,),
-        (IssuePermission(psids),),
+        (_grant(psids - {CRL}),),
     )
     certificate = _signed(subject, root.credential.key, root.credential.certificate)
     return Authority(Credential(certificate, key), root.roots, (*root.authorities, certificate))
@@ -108,6 +132,7 @@ def make_pseudonyms(
     new_key: NewKey = p256.new_key,
     implicit: bool = False,
     region: GeographicRegion | None = None,
+    plate: KnownPlate | None = None,
 ) -> Credentials:
     """Make the pseudonym certificates of one vehicle.
 
@@ -120,12 +145,18 @@ def make_pseudonyms(
         new_key: creates each private key.
         implicit: make implicit certificates.
         region: where they are valid; everywhere if not given.
+        plate: to whose IDs they commit, in a service of `psids`; to none if not given.
     """
     issuer = issuing.credential
-    permissions = tuple(Permission(psid) for psid in sorted(psids))
     pseudonyms = []
-    for _ in range(count):
+    valid: Validity = {"valid_from_utc_s": valid_from_utc_s, "valid_for_s": valid_for_s}
+    for number in range(count):
         key = new_key()
+        leaves = () if plate is None else plate.leaves(number, count, valid)
+        permissions = tuple(
+            Permission(psid, ssp_of(leaves) if plate is not None and psid == plate.psid else None)
+            for psid in sorted(psids)
+        )
         subject = Subject(
             None,
             valid_from_utc_s,
@@ -135,9 +166,10 @@ def make_pseudonyms(
             region=region,
         )
         if implicit:
-            pseudonyms.append(_implicit(subject, key, issuer, ephemeral=new_key()))
+            own = _implicit(subject, key, issuer, ephemeral=new_key())
         else:
-            pseudonyms.append(Credential(_signed(subject, issuer.key, issuer.certificate), key))
+            own = Credential(_signed(subject, issuer.key, issuer.certificate), key)
+        pseudonyms.append(replace(own, committed=leaves))
     return Credentials(tuple(pseudonyms), issuing.roots, issuing.authorities)
 
 
@@ -150,6 +182,7 @@ def make_trial(
     pseudonyms: int = 4,
     implicit: bool = False,
     road_side_units: Iterable[str] = (),
+    plates: Mapping[str, KnownPlate] | None = None,
 ) -> dict[str, Credentials]:
     """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
 
@@ -161,6 +194,7 @@ def make_trial(
         pseudonyms: number of certificates a vehicle.
         implicit: make implicit certificates.
         road_side_units: names of the units that sign MAP, SPAT and SDSM.
+        plates: of the vehicles whose certificates commit to their IDs, by name.
 
     Returns:
         the credentials by vehicle and unit.
@@ -179,6 +213,7 @@ def make_trial(
         pseudonyms=pseudonyms,
         implicit=implicit,
         road_side_units=units,
+        plates=plates,
     )
 
 
@@ -192,16 +227,32 @@ def issue_trial(
     pseudonyms: int = 4,
     implicit: bool = False,
     road_side_units: Iterable[str] = (),
+    plates: Mapping[str, KnownPlate] | None = None,
 ) -> dict[str, Credentials]:
     """Make such credentials with an authority that exists; for the arguments see `make_trial`."""
     valid = _of_a_trial(utc_s)
     return {
-        name: make_pseudonyms(issuing, count, services, new_key=new_key, implicit=implicit, **valid)
+        name: make_pseudonyms(
+            issuing,
+            count,
+            services,
+            new_key=new_key,
+            implicit=implicit,
+            plate=(plates or {}).get(name),
+            **valid,
+        )
         for name, count, services in (
             *((car, pseudonyms, psids) for car in cars),
             *((unit, 1, OF_ROAD_SIDE_UNITS) for unit in road_side_units),
         )
     }
+
+
+def _grant(psids: Collection[int], min_chain_length: int = 1) -> IssuePermission:
+    """Return the permission to grant services: J2735's without SSP, others with any or none."""
+    of_j2735 = J2735.intersection(psids)
+    own = frozenset(psids) - of_j2735
+    return IssuePermission(of_j2735, any_ssp=own, min_chain_length=min_chain_length)
 
 
 def _of_a_trial(utc_s: float) -> Validity:

@@ -10,9 +10,10 @@ import typer
 from onboard.errors import UserError
 from onboard.security import key_files, p256
 from onboard.security.certificates import Certificate
-from onboard.security.credentials import Credentials
+from onboard.security.credentials import Authority, Credentials
 from onboard.security.its_time import to_time32
 from onboard.security.pkcs11_token import Pkcs11Token
+from onboard.security.plate_digest import PlateDigest
 from onboard.settings import load_settings
 from onboard.tools.test_ca import authority
 from onboard.vehicle.config import CarConfig
@@ -92,7 +93,10 @@ def car(
     ] = False,
     config: Annotated[
         Path | None,
-        typer.Option(help="The car's configuration: makes the keys in its `security.token`."),
+        typer.Option(
+            help="The car's configuration: the certificates commit to the IDs of its plate, so"
+            " that no other car can answer for it; the keys are made in its `security.token`."
+        ),
     ] = None,
 ) -> None:
     """Make the pseudonym certificates of one vehicle, between which it changes as it drives."""
@@ -101,14 +105,21 @@ def car(
         raise key_files.KeyFilesError(
             f"{issuing}: is a root; pseudonyms need an authority (`onboard keys issuing`)"
         )
-    token = None if config is None else load_settings(config, CarConfig).security.token
-    if config is not None and (token is None or implicit):
-        raise UserError(f"{config}: --config needs security.token, and explicit certificates")
+    settings = None if config is None else load_settings(config, CarConfig)
+    token = None if settings is None else settings.security.token
+    if token is not None and implicit:
+        raise UserError(f"{config}: keys in its security.token need explicit certificates")
     if folder.exists():  # before a token is filled with keys
         raise key_files.KeyFilesError(f"{folder}: cannot be made: File exists")
     new_key = p256.new_key if token is None else Pkcs11Token(token).new_key
     made = authority.make_pseudonyms(
-        issuer, count, _numbers(psid), new_key=new_key, implicit=implicit, **_valid(days)
+        issuer,
+        count,
+        _numbers(psid),
+        new_key=new_key,
+        implicit=implicit,
+        plate=None if settings is None else _known_plate(settings, issuer),
+        **_valid(days),
     )
     key_files.write_credentials(folder, made)
     _print_pseudonyms(folder, made)
@@ -170,6 +181,23 @@ def show(
     for certificate in credentials.roots + credentials.authorities:
         _print(folder, certificate)
     _print_pseudonyms(folder, credentials)
+
+
+def _known_plate(settings: CarConfig, issuer: Authority) -> authority.KnownPlate:
+    """Return the plate to which certificates of `issuer` commit.
+
+    Raises:
+        UserError: the issuer may grant no statements about vehicle IDs.
+    """
+    grants = issuer.credential.certificate.subject.issue_permissions
+    if not any(settings.lcca_psid in grant.any_ssp for grant in grants):
+        raise UserError(
+            f"the authority {issuer.credential.certificate.subject.name} may not bind vehicle IDs"
+            f" to certificates (PSID 0x{settings.lcca_psid:X} with any SSP): make a new root and"
+            " authority, or leave out --config"
+        )
+    digest = PlateDigest(settings.security.plate_digest)
+    return authority.KnownPlate(settings.car.plate, digest, settings.lcca_psid)
 
 
 def _numbers(given: list[str] | None) -> list[int]:

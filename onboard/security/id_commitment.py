@@ -1,0 +1,85 @@
+"""The vehicle IDs that a certificate commits to, and the proof that one of them is among them.
+
+An authority that knows the plate puts the root of a Merkle tree over the communication IDs of a
+certificate's epochs into it, as the service-specific permissions (SSP) of LCCA. Whoever sends under
+an ID proves it by the siblings on the way from the ID up to the root, of its own certificate. So no
+certificate speaks for another vehicle, and the IDs of other epochs stay hidden.
+
+Leaves and nodes are hashed apart, as in RFC 9162, 2.1.1, so that no node passes for an ID. The two
+children of a node are hashed in the order of their values: a proof needs no directions.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from itertools import zip_longest
+
+NODE_BYTES = 12
+"""Bytes kept of each SHA-256: another ID with a proof takes 2^96 trials, in five minutes."""
+MAX_PROOF = 16
+"""Siblings in a proof: of certificates with 65,536 epochs."""
+
+_SSP_VERSION = b"\x01"
+_LEAF, _NODE = b"\x00", b"\x01"
+
+Proof = tuple[bytes, ...]
+"""Siblings from the ID upwards, each of `NODE_BYTES`."""
+
+
+def leaf(car_id: bytes) -> bytes:
+    """Return the leaf of a communication ID."""
+    return _hashed(_LEAF + car_id)
+
+
+def root_of(leaves: Sequence[bytes]) -> bytes:
+    """Return the root over one or more leaves."""
+    return _levels(leaves)[-1][0]
+
+
+def proof_of(car_id: bytes, leaves: Sequence[bytes]) -> Proof | None:
+    """Return the proof that an ID is among `leaves`; `None` if it is not."""
+    if (own := leaf(car_id)) not in leaves:
+        return None
+    proof, at = [], leaves.index(own)
+    for level in _levels(leaves)[:-1]:
+        sibling = at ^ 1
+        if sibling < len(level):
+            proof.append(level[sibling])
+        at //= 2
+    return tuple(proof)
+
+
+def is_proved(car_id: bytes, proof: Proof, root: bytes) -> bool:
+    """Whether `proof` shows that the holder of a certificate with this root owns the ID."""
+    node = leaf(car_id)
+    for sibling in proof:
+        node = _parent(node, sibling)
+    return node == root
+
+
+def ssp_of(leaves: Sequence[bytes]) -> bytes:
+    """Return the SSP of a certificate that commits to `leaves`."""
+    return _SSP_VERSION + root_of(leaves)
+
+
+def root_in(ssp: bytes | None) -> bytes | None:
+    """Return the root in the SSP of a certificate; `None` if it commits to nothing."""
+    if ssp is None or len(ssp) != 1 + NODE_BYTES or not ssp.startswith(_SSP_VERSION):
+        return None
+    return ssp.removeprefix(_SSP_VERSION)
+
+
+def _levels(leaves: Sequence[bytes]) -> list[Sequence[bytes]]:
+    """Return all levels of the tree, from the leaves to the root; an odd node moves up as it is."""
+    levels = [leaves]
+    while len(levels[-1]) > 1:
+        pairs = zip_longest(levels[-1][::2], levels[-1][1::2])
+        levels.append([a if b is None else _parent(a, b) for a, b in pairs])
+    return levels
+
+
+def _parent(a: bytes, b: bytes) -> bytes:
+    return _hashed(_NODE + min(a, b) + max(a, b))
+
+
+def _hashed(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest()[:NODE_BYTES]
