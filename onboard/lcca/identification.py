@@ -347,7 +347,21 @@ class Identification(Core):
             track.answers[sender] = answer.sender_id
             self._decide(track, lead, now)
         elif _text_of(answer.sender_id, lead) == track.identity.text:
-            track.sender = sender
+            self._bind(track, answer, sender, now)
+
+    def _bind(self, track: _Track, answer: Answer, sender: bytes, now: float) -> None:
+        """Take who sends the identified vehicle's BSMs, unless that is known.
+
+        No answer moves an identity: whoever has a certificate could else silence the vehicle ahead.
+        Its certificate stays in an epoch, also over a restart; a temporary ID does not, so without
+        signatures another one is taken once the former is off the air.
+        """
+        is_signed = sender != answer.temporary_id
+        if track.sender is not None and (is_signed or self._motion.is_on_air(track.sender)):
+            if sender != track.sender:
+                self._discard("another_signer", answer, now)
+            return
+        track.sender = sender
 
     def _probabilities(self, track: _Track, lead: TrackedLead, now: float) -> dict[bytes, float]:
         pending = int(now < self._asked_at + ANSWER_TIME_S)

@@ -392,6 +392,17 @@ def test_after_a_change_of_ids_an_identified_car_is_asked_again_for_its_bsms() -
     assert drive.inquiries[-1].names == (b"ahea",)
 
 
+def test_without_signatures_a_lead_that_starts_again_is_known_by_its_new_bsms() -> None:
+    """Its temporary ID is new, its communication ID and its motion are not."""
+    drive = Drive()
+    drive.look(candidate(AHEAD, 0.9995), seconds=1.0, answering={AHEAD: SPEED_M_S})
+    assert drive.core.sender == TEMPORARY[AHEAD]
+    drive.look(candidate(AHEAD, 0.9995), seconds=4.0)
+    restarted = Answer(AHEAD, OWN, drive.inquiries[-1].sequence, b"new!", SPEED_M_S)
+    drive.core.receive_message(restarted, None, drive.now)
+    assert drive.core.sender == b"new!"
+
+
 def test_a_neighbour_in_number_that_answers_is_not_believed_for_a_silent_likelier_text() -> None:
     """The lead may have no radio, and the one that answers be of the same fleet."""
     drive = Drive()

@@ -127,6 +127,25 @@ def test_a_braking_ahead_warns_and_its_message_is_reported_first(pair: Pair) -> 
     assert kinds.index(MessageReceived) < kinds.index(WarningRaised)
 
 
+def test_an_answer_of_another_signer_does_not_silence_the_lead(pair: Pair) -> None:
+    """An insider answers for the identified lead, whose warnings would then be another's."""
+    ahead, behind = pair.cars.values()
+    inquiry = [each for each in pair.on_air if isinstance(each, lcca.Inquiry)][-1]
+    forged = lcca.Answer(
+        ahead.pseudonym(0.0).car_id, inquiry.sender_id, inquiry.sequence, b"EVIL", 15.0
+    )
+
+    behind.hears(lcca.encode(forged), b"signer 9", pair.now)
+    refused = refusals(list(iter(behind.lcca.identification.next_event, None)))
+    assert refused[-1:] == ["another_signer"]
+    ahead.lcca.group.receive_hard_brake(
+        HardBrake(pair.now, 6.0, "test", BrakeCause.DECELERATION), pair.now
+    )
+    pair.drive(0.2)
+
+    assert len(of(behind.events, WarningRaised)) == 1
+
+
 def test_bytes_that_are_no_message_are_discarded(pair: Pair) -> None:
     (event,) = pair.cars[BEHIND].hears(b"?", None, pair.now)
 
