@@ -81,7 +81,7 @@ def _receive_certificates(receiver: Credentials, cars: Sequence[Credentials]) ->
     trust = TrustStore(receiver.roots, receiver.authorities)
     for car in cars[:CARS]:
         for own in car.pseudonyms:
-            trust.receive(own.certificate)
+            trust.receive_certificate(own.certificate)
 
 
 def signed_wsms(cars: Sequence[Credentials], entries: int) -> list[tuple[float, bytes]]:

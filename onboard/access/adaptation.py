@@ -92,7 +92,7 @@ class AccessAdaptation(Core):
             return None
         return self.driver.percentile_s(0.5, REACTION_HEADWAY_S)[0]
 
-    def receive(self, observation: Observation, now: float) -> None:
+    def receive_observation(self, observation: Observation, now: float) -> None:
         """Take an observation of the host vehicle's sensors; most kinds change nothing."""
         match observation:
             case Speed():

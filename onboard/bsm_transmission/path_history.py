@@ -62,10 +62,10 @@ class PathHistoryKeeper:
         last = self._last
         if not self._points or last is None:
             self._points.appendleft(position)
-        elif not self._is_near_line(position):
+        elif not self._extend_line(position):
             self._points.appendleft(last)
             self._cone = None
-            self._is_near_line(position)
+            self._extend_line(position)
         self._last = position
 
     def history(self, now: float) -> PathHistory | None:
@@ -86,7 +86,8 @@ class PathHistoryKeeper:
                 break
         return PathHistory(None, None, tuple(points)) if points else None
 
-    def _is_near_line(self, position: Position) -> bool:
+    def _extend_line(self, position: Position) -> bool:
+        """Extend the line from the newest point to a position; return whether it stays near all."""
         start = self._points[0]
         apart_m = _distance_between_m(start, position)
         if apart_m <= MAX_ERROR_M:

@@ -124,7 +124,7 @@ class BsmTransmitter(Core):
     def receive_speed(self, speed: Speed) -> None:
         """Take the host vehicle's speed."""
         self._speed = speed
-        self._trend.receive(speed.stamp_s, speed.speed_m_s)
+        self._trend.receive_speed(speed.stamp_s, speed.speed_m_s)
         if speed.speed_m_s >= STANDSTILL_M_S:
             self._stopped_at = None
         elif self._stopped_at is None:
@@ -136,7 +136,7 @@ class BsmTransmitter(Core):
 
     def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
         """Take a turn signal of the host vehicle, if the bus has it."""
-        self._turn_signals.receive(turn_signal)
+        self._turn_signals.receive_turn_signal(turn_signal)
 
     def receive_position(self, position: Position) -> None:
         """Take the host vehicle's position."""

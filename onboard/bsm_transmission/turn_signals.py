@@ -14,7 +14,7 @@ class TurnSignals:
     def __init__(self) -> None:
         self._on_at: dict[Side, float] = {}
 
-    def receive(self, turn_signal: TurnSignal) -> None:
+    def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
         """Take the state of one side."""
         if turn_signal.is_on:
             self._on_at[turn_signal.side] = turn_signal.stamp_s

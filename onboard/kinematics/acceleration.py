@@ -56,7 +56,7 @@ class AccelerationEstimator:
         self._window_s = window_s
         self._samples: deque[tuple[float, float]] = deque()
 
-    def receive(self, stamp_s: float, speed_m_s: float) -> None:
+    def receive_speed(self, stamp_s: float, speed_m_s: float) -> None:
         """Take a sample; a late one is ignored."""
         if self._samples:
             newest_s = self._samples[-1][0]

@@ -52,7 +52,7 @@ class ActiveWarnings:
         end = self._ended.get((warn.event_origin_id, warn.first_sequence))
         return end is not None and 0 < (end - warn.event_sequence) % (1 << 16) <= OUTDATED
 
-    def receive(
+    def receive_warn(
         self, warn: Warn, position: GroupPosition, now: float
     ) -> Iterator[WarningRaised | WarningLevel | WarningOver]:
         """Take an accepted warning; yields what it changes."""

@@ -78,7 +78,7 @@ class Reach:
         self._received: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
         """Distance and time of the last message, the oldest first."""
 
-    def receive(self, car_id: CarId, distance: int, now: float) -> None:
+    def receive_distance(self, car_id: CarId, distance: int, now: float) -> None:
         """Note a message from a vehicle of the own group, `distance` > 0 vehicles behind.
 
         Args:
@@ -166,7 +166,7 @@ class Forwarding:
         """Start the message; the caller sends its first copy now."""
         self._store(message, 0, math.inf, now)
 
-    def receive(self, message: Update | Warn, distance: int, now: float) -> None:
+    def receive_first(self, message: Update | Warn, distance: int, now: float) -> None:
         """Take a first copy.
 
         Args:
@@ -178,7 +178,7 @@ class Forwarding:
         self._store(message, distance, repeat_at, now)
 
     def receive_duplicate(self, message: Update | Warn, distance: int, now: float) -> None:
-        """Take another copy; arguments as in `receive`."""
+        """Take another copy; arguments as in `receive_first`."""
         entry = self._messages[_statement_of(message)]
         if entry.repeat_at == math.inf:
             return
@@ -190,9 +190,10 @@ class Forwarding:
             entry.repeat_at = now + self._wait_s(message.reach, distance, now)
 
     def receive_late(self, message: Warn, distance: int, now: float) -> None:
-        """Take a warning that is accepted some time after its reception; arguments as in `receive`.
+        """Take a warning that is accepted some time after its reception.
 
         The other members had their turn to repeat it. Followers that do not acknowledge it get it.
+        Arguments as in `receive_first`.
         """
         self._store(message, distance, math.inf, now)
 
@@ -269,7 +270,7 @@ class Forwarding:
         due = [
             entry
             for entry in self._messages.values()
-            if any((self._is_due(entry, now), self._lacks_acknowledgement(entry, now)))
+            if any((self._take_repeat(entry, now), self._take_check(entry, now)))
         ]
         copies = (self._copy(entry, now) for entry in due if entry.distance == 0 or is_member)
         return [copy for copy in copies if copy is not None]
@@ -297,7 +298,8 @@ class Forwarding:
             hops=min(message.hops + (entry.distance != 0), 255),
         )
 
-    def _is_due(self, entry: _Message, now: float) -> bool:
+    def _take_repeat(self, entry: _Message, now: float) -> bool:
+        """Take the repetition that is due; return whether followers need it."""
         if now < entry.repeat_at:
             return False
         entry.repeat_at = math.inf
@@ -307,7 +309,8 @@ class Forwarding:
             else len(self._followers) > 0
         )
 
-    def _lacks_acknowledgement(self, entry: _Message, now: float) -> bool:
+    def _take_check(self, entry: _Message, now: float) -> bool:
+        """Take the check that is due, and plan the next; return whether to repeat it again."""
         if now < entry.check_at:
             return False
         entry.unacknowledged.intersection_update(self._followers.ids)

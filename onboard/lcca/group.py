@@ -142,7 +142,7 @@ class WarningGroup(Core):
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
         """Warn the members behind, and all that join while it lasts, of the own hard braking."""
-        self._own_braking.receive(brake, self._position.own_id, now)
+        self._own_braking.receive_hard_brake(brake, self._position.own_id, now)
         self._send_braking_if_due(now)
 
     def receive_next_own_id(self, next_id: CarId) -> None:
@@ -175,7 +175,7 @@ class WarningGroup(Core):
             return
         distance = message.number - self._position.number
         if distance > 0 and message.leader_id == self._position.leader_id:
-            self._reach.receive(message.sender_id, distance, now)
+            self._reach.receive_distance(message.sender_id, distance, now)
         match message:
             case Join():
                 self._receive_join(message, now)
@@ -386,7 +386,7 @@ class WarningGroup(Core):
             distance = number - update.number
             if self._forwarding.is_last_forwarder(update, distance):
                 self._acknowledge(update, distance, now)
-            self._forwarding.receive(update, distance, now)
+            self._forwarding.receive_first(update, distance, now)
             self._forward_if_due(now)
         else:  # The followers' shift differs from the one in the update: send an own update.
             self._announce(before, now)
@@ -410,12 +410,12 @@ class WarningGroup(Core):
         else:
             refusal = self._warn_refusal(warn)
             if refusal in _REFUSED_BY_GROUP:
-                self._refused_warnings.receive(warn, now)
+                self._refused_warnings.receive_warn(warn, now)
         if refusal is not None:
             self._discard(refusal, warn, now)
             return
         self._accept(warn, now)
-        self._forwarding.receive(warn, distance, now)
+        self._forwarding.receive_first(warn, distance, now)
         self._forward_if_due(now)
 
     def _judge_again(self, now: float) -> None:
@@ -426,7 +426,7 @@ class WarningGroup(Core):
                 self._accept(warn, now)
                 self._forwarding.receive_late(warn, self._distance(warn), now)
             else:
-                self._refused_warnings.receive(warn, now)
+                self._refused_warnings.receive_warn(warn, now)
 
     def _warn_refusal(self, warn: Warn) -> str | None:
         return warn_refusal(
@@ -442,11 +442,12 @@ class WarningGroup(Core):
         return 1 if self._is_from_predecessor(warn) else self._position.number - warn.number
 
     def _accept(self, warn: Warn, now: float) -> None:
-        self._events.extend(self._active_warnings.receive(warn, self._position, now))
+        self._events.extend(self._active_warnings.receive_warn(warn, self._position, now))
         self._acknowledge(warn, self._distance(warn), now)
 
     def _send_braking_if_due(self, now: float) -> None:
         braking = self._own_braking
+        braking.end_test(now)
         if not braking.is_due(now):
             return
         sequence = self._next_event_sequence()

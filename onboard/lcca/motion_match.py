@@ -168,7 +168,7 @@ class MotionMatch:
         if seconds < SAMPLE_S:
             return
         noise = NOISE_M_S**2 + sigma_m_s**2
-        if self._has_jumped(own_speed_m_s, now):
+        if self._receive_own_speed(own_speed_m_s, now):
             self.restart()
         if self._jumped_m_s is None:
             self._before = now, own_speed_m_s
@@ -211,8 +211,8 @@ class MotionMatch:
     def __len__(self) -> int:
         return len(self._vehicles)
 
-    def _has_jumped(self, own_speed_m_s: float, now: float) -> bool:
-        """Whether the own speed before was a jump, and this one confirms it."""
+    def _receive_own_speed(self, own_speed_m_s: float, now: float) -> bool:
+        """Take the own speed; return whether the one before was a jump that this one confirms."""
         if self._before is None:
             return False
         at_s, before_m_s = self._before

@@ -45,7 +45,7 @@ class OwnBraking:
         brake = self._brake
         return 0.0 if brake is None else min(brake.deceleration_m_s2, MAX_DECELERATION_M_S2)
 
-    def receive(self, brake: HardBrake, own_id: CarId, now: float) -> None:
+    def receive_hard_brake(self, brake: HardBrake, own_id: CarId, now: float) -> None:
         """Take a change of the braking; it is to be sent now."""
         is_test = brake.cause is BrakeCause.TEST and not brake.is_over
         if self.cause is WarnCause.OVER:
@@ -70,11 +70,15 @@ class OwnBraking:
         """When the state is to be sent; infinite if it is over."""
         return min(self._send_at, self._test_until)
 
-    def is_due(self, now: float) -> bool:
-        """Whether the state is to be sent now."""
+    def end_test(self, now: float) -> None:
+        """End the braking that the driver's button pretends, if its time is over."""
         brake = self._brake
         if brake is not None and now >= self._test_until:
-            self.receive(HardBrake(now, 0.0, brake.source, brake.cause, is_over=True), b"", now)
+            over = HardBrake(now, 0.0, brake.source, brake.cause, is_over=True)
+            self.receive_hard_brake(over, b"", now)
+
+    def is_due(self, now: float) -> bool:
+        """Whether the state is to be sent now."""
         return now >= self._send_at
 
     def sent(self, sequence: int, now: float) -> None:

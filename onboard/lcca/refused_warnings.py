@@ -18,7 +18,7 @@ class RefusedWarnings:
         self._lifetime_s = lifetime_s
         self._warnings: OrderedDict[CarId, tuple[Warn, float]] = OrderedDict()
 
-    def receive(self, warn: Warn, now: float) -> None:
+    def receive_warn(self, warn: Warn, now: float) -> None:
         """Store a warning that was refused."""
         self._warnings[warn.event_origin_id] = (warn, now)
         self._warnings.move_to_end(warn.event_origin_id)

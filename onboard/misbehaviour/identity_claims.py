@@ -21,7 +21,7 @@ class IdentityClaims:
     def __len__(self) -> int:
         return len(self._claims)
 
-    def receive(self, name: bytes, signer: bytes) -> bool:
+    def receive_claim(self, name: bytes, signer: bytes) -> bool:
         """Record that `signer` uses `name`; return whether it is the first to."""
         claim = self._claims.setdefault(name, _Claim(signer))
         self._claims.move_to_end(name)

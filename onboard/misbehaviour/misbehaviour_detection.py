@@ -123,7 +123,7 @@ class MisbehaviourDetector:
             sender: as in `receive_bsm`.
             temporary_id: in its BSM.
         """
-        is_first = self._temporary_ids.receive(temporary_id, sender)
+        is_first = self._temporary_ids.receive_claim(temporary_id, sender)
         return temporary_id if is_first else temporary_id + sender
 
     def signer_of(self, remote_id: bytes) -> bytes | None:
@@ -141,7 +141,7 @@ class MisbehaviourDetector:
         Returns:
             whether no other sender uses it. If two do, neither is checked against the other's BSMs.
         """
-        self._car_ids.receive(car_id, sender)
+        self._car_ids.receive_claim(car_id, sender)
         return self.is_id_unique(car_id)
 
     def is_id_unique(self, car_id: bytes) -> bool:

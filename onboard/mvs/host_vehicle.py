@@ -63,7 +63,7 @@ class HostVehicle:
         self._fix = fix
         self._heading.receive_position(fix)
         if fix.speed_m_s is not None:
-            self._acceleration.receive(fix.stamp_s, fix.speed_m_s)
+            self._acceleration.receive_speed(fix.stamp_s, fix.speed_m_s)
         here = LocalFrame(fix.latitude_deg, fix.longitude_deg)
         moved = None
         if self.frame is None:

@@ -161,7 +161,7 @@ class MultiVehicleSensing(Core):
             self._discard(now, *refused)
         elif self.has_position(now):
             if state is not None:
-                refused = self._remote_vehicles.receive(
+                refused = self._remote_vehicles.receive_state(
                     sender_id,
                     self._host.reported_state(state),
                     acceleration_m_s2,
@@ -188,7 +188,7 @@ class MultiVehicleSensing(Core):
         senders = self._remote_vehicles
         if message.equipment is EquipmentType.RSU and sender_id not in senders:
             senders = self._road_side_units
-            refused = senders.receive(
+            refused = senders.receive_state(
                 sender_id,
                 self._host.standing_at(entries.anchor, now),
                 None,
@@ -377,7 +377,9 @@ class MultiVehicleSensing(Core):
         valid = [row for row in range(len(batch)) if row not in refused]
         inflation = inflation[valid]
         refused |= {valid[at]: "too_sure" for at in np.flatnonzero(inflation > 1.0).tolist()}
-        left_over = self._tracks.receive(batch.subset(valid).with_covariances_scaled(inflation))
+        left_over = self._tracks.receive_evidence(
+            batch.subset(valid).with_covariances_scaled(inflation)
+        )
         refused |= {valid[at]: "too_many_cars" for at in left_over}
         for (_, sender_id, at, reason), entries in Counter(
             (id(footer_of[row]), footer_of[row].sender_id, footer_of[row].received_s, reason)
@@ -405,7 +407,7 @@ class MultiVehicleSensing(Core):
                 n = len(measured)
                 self._own_stamps_ms.append(identity.stamp_ms)
                 provenances = [frozenset((identity,))] * n
-                self._tracks.receive(
+                self._tracks.receive_evidence(
                     EvidenceBatch(
                         [OWN] * n,
                         list(measured),

@@ -47,7 +47,7 @@ class RemoteVehicle:
 class RemoteVehicles(dict[bytes, RemoteVehicle]):
     """The remote vehicles that were received lately, by temporary ID."""
 
-    def receive(
+    def receive_state(
         self,
         sender_id: bytes,
         reported: ReportedState,

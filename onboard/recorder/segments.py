@@ -126,18 +126,19 @@ class Segments:
                     until_utc_s = ended.get(path, status.st_mtime)
                     stored.append(StoredSegment(path, until_utc_s, status.st_size))
         writing_bytes = self._segment.size_bytes if self._segment is not None else 0
-        known_utc_s = utc_s if self._is_clock_steady(now, utc_s) else None
+        self._receive_clock(now, utc_s)
+        is_steady = now - self._clock_set_at >= CLOCK_STEADY_S
+        known_utc_s = utc_s if is_steady else None
         for path in segments_to_delete(stored, writing_bytes, self._settings, known_utc_s):
             path.unlink(missing_ok=True)
         self._retention_at = now + RETENTION_INTERVAL_S
         self._ended = [each for each in self._ended if each[1].exists()]
 
-    def _is_clock_steady(self, now: float, utc_s: float) -> bool:
-        """Whether UTC was not set lately: a clock a month ahead makes every segment old."""
+    def _receive_clock(self, now: float, utc_s: float) -> None:
+        """Note when UTC was set: a clock that is a month ahead makes every segment old."""
         if abs(utc_s - now - self._utc_offset_s) > CLOCK_STEP_S:
             self._clock_set_at = now
         self._utc_offset_s = utc_s - now
-        return now - self._clock_set_at >= CLOCK_STEADY_S
 
     def _open_segment(self) -> Segment:
         assert self._segment is not None  # noqa: S101 (`open` comes first)

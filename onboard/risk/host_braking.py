@@ -22,7 +22,7 @@ class HostBraking:
         if last is not None and (speed.source != last.source or _jumps(last, speed)):
             self._trend.clear()
         self._speed = speed
-        self._trend.receive(speed.stamp_s, speed.speed_m_s)
+        self._trend.receive_speed(speed.stamp_s, speed.speed_m_s)
 
     def receive_pedal(self, pedal: BrakePedal) -> None:
         """Take the state of the pedal."""

@@ -65,7 +65,7 @@ class IntersectionMovementAssist:
 
     def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
         """Take a turn signal of the host vehicle."""
-        self._turn_signals.receive(turn_signal)
+        self._turn_signals.receive_turn_signal(turn_signal)
 
     def follow(self, objects: Sequence[PerceivedObject], now: float) -> None:
         """Take the velocities of all objects, the host vehicle included."""

@@ -28,9 +28,9 @@ class VehicleMotion:
             north_m_s: northward.
         """
         self._velocity_m_s = east_m_s, north_m_s
-        self._along.receive(round(measured_s, _DIGITS), math.hypot(east_m_s, north_m_s))
-        self._east.receive(now, east_m_s)
-        self._north.receive(now, north_m_s)
+        self._along.receive_speed(round(measured_s, _DIGITS), math.hypot(east_m_s, north_m_s))
+        self._east.receive_speed(now, east_m_s)
+        self._north.receive_speed(now, north_m_s)
 
     @property
     def acceleration_m_s2(self) -> float | None:

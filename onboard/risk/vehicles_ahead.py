@@ -127,7 +127,7 @@ class LeadMotion:
         if is_other_speed or abs(gap_m - gap_before_m) > NEW_LEAD_M:
             self._trend.clear()
         self._last = stamp_s, gap_m, lead_speed_m_s
-        self._trend.receive(stamp_s, lead_speed_m_s)
+        self._trend.receive_speed(stamp_s, lead_speed_m_s)
 
     def clear(self) -> None:
         """Start anew: the speed is unknown."""

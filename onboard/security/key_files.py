@@ -124,7 +124,7 @@ def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
     for file, own in zip(files, credentials.pseudonyms, strict=True):
         try:
             store = store or trust_store(credentials)
-            checked.append(store.receive(own.certificate))
+            checked.append(store.receive_certificate(own.certificate))
         except NotTrusted as refusal:
             raise KeyFilesError(f"{file}: {refusal}") from refusal
         store.keep(checked[-1])

@@ -235,7 +235,7 @@ class SecurityServices:
         except Unsupported as unsupported:
             raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
         for certificate in self.distribution.wanted(certificates, now):
-            self._trust.receive(certificate)
+            self._trust.receive_certificate(certificate)
 
     def _verify(self, message: SignedData, trust: TrustStore, utc_s: float) -> Opened:
         generation = self._check_time(message, utc_s)

@@ -79,7 +79,7 @@ class TrustStore:
         self._received.move_to_end(hashed_id8)
         return found
 
-    def receive(self, certificate: Certificate) -> Trusted:
+    def receive_certificate(self, certificate: Certificate) -> Trusted:
         """Verify a received certificate; keep it, unless it is implicit.
 
         Raises:
@@ -100,7 +100,7 @@ class TrustStore:
             signer: HashedId8, or the certificate and its chain, which are received.
 
         Raises:
-            NotTrusted: `unknown_certificate`, or as `receive`.
+            NotTrusted: `unknown_certificate`, or as `receive_certificate`.
         """
         if isinstance(signer, bytes):
             known = self.find(signer)
@@ -109,8 +109,8 @@ class TrustStore:
             return known
         *above, own = reversed(signer)
         for certificate in above:
-            self.receive(certificate)
-        return self.receive(own)
+            self.receive_certificate(certificate)
+        return self.receive_certificate(own)
 
     def revoke(self, contents: CrlContents) -> None:
         """Revoke what a verified list names."""

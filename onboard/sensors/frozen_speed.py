@@ -24,8 +24,8 @@ class FrozenSpeed:
         """Take a fix; without a speed it contradicts nothing."""
         self._fix = position
 
-    def is_frozen(self, speed: Speed) -> bool:
-        """Return whether a new sample repeats an old one that the receiver contradicts.
+    def receive_speed(self, speed: Speed) -> bool:
+        """Take a sample; return whether it repeats an old one that the receiver contradicts.
 
         One that changes is believed at once, since a frozen value does not.
         """

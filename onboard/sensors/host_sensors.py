@@ -27,14 +27,14 @@ class HostSensors(SensorTimeouts):
         self._frozen_speed = FrozenSpeed()
         self._has_detector = Sensor.DETECTOR in timeouts_s
 
-    def receive(self, observation: Observation, now: float) -> bool:
+    def receive_observation(self, observation: Observation, now: float) -> bool:
         """Restart the timeout of the observation's sensor.
 
         Returns:
             whether the observation is used.
         """
         match observation:
-            case Speed() if self._frozen_speed.is_frozen(observation):
+            case Speed() if self._frozen_speed.receive_speed(observation):
                 self.receive_loss(Sensor.SPEED, "frozen", now)
                 return False
             case Speed():

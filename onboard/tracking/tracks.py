@@ -105,7 +105,7 @@ class Tracks:
     def __len__(self) -> int:
         return len(self._tracks)
 
-    def receive(self, batch: EvidenceBatch) -> list[int]:
+    def receive_evidence(self, batch: EvidenceBatch) -> list[int]:
         """Assign each entry to the track of its vehicle, or start one.
 
         Returns:

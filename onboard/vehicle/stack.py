@@ -280,7 +280,7 @@ class Stack:
                 self._receive_observation(received, now)
 
     def _receive_observation(self, observation: Observation, now: float) -> None:
-        if not self._sensors.receive(observation, now):
+        if not self._sensors.receive_observation(observation, now):
             return
         match observation:
             case Speed():
@@ -308,7 +308,7 @@ class Stack:
                 for detection in observation.cars:
                     self._mvs.receive_detection(detection)
         if self._access is not None:
-            self._access.receive(observation, now)
+            self._access.receive_observation(observation, now)
             self._take_access(now)
         self._events.append(observation)
 

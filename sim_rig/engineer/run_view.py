@@ -27,7 +27,7 @@ class RunView:
         self.pages: Mapping[str, str] = {}
         """Addresses of the drivers' pages."""
 
-    def receive(self, car: str, record: Record) -> None:
+    def receive_record(self, car: str, record: Record) -> None:
         """Add a record of a car's trace."""
         self._traces.setdefault(car, []).append(record)
         if record["kind"] not in HIDDEN_KINDS:

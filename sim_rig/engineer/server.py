@@ -169,7 +169,7 @@ class EngineerServer:
         while True:
             for car, trace in self._traces.items():
                 for record in trace.records():
-                    self.run_view.receive(car, record)
+                    self.run_view.receive_record(car, record)
             await asyncio.sleep(READ_S)
 
     async def _follow_camera(self, car: str) -> None:

@@ -55,6 +55,30 @@ def test_pages_do_not_use_retired_words() -> None:
     assert found == []
 
 
+def test_a_question_changes_nothing() -> None:
+    changing = [
+        f"{path}: {function.name}"
+        for path, function in _functions("sim_rig", "onboard")
+        if re.match(r"_?(is|has|can)_", function.name) and any(map(_changes, ast.walk(function)))
+    ]
+    assert changing == []
+
+
+def _functions(*trees: str) -> Iterator[tuple[Path, ast.FunctionDef]]:
+    for tree in trees:
+        for path in sorted((ROOT / tree).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.FunctionDef):
+                    yield path.relative_to(ROOT), node
+
+
+def _changes(node: ast.AST) -> bool:
+    """Whether it assigns to an attribute or an element."""
+    if isinstance(node, ast.Attribute | ast.Subscript):
+        return isinstance(node.ctx, ast.Store | ast.Del)
+    return False
+
+
 def _retired(trees: tuple[str, ...], retired: frozenset[str]) -> list[str]:
     return [
         f"{path.relative_to(ROOT)}: {name}"

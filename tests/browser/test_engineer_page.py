@@ -42,7 +42,7 @@ class Shown:
 
     def add(self, car: str, record: Record) -> None:
         shifted = {"stamp_s": record["stamp_s"] + self.offset_s}
-        self.server.run_view.receive(car, dict(record) | shifted)
+        self.server.run_view.receive_record(car, dict(record) | shifted)
 
     def __enter__(self) -> str:
         self._thread.start()

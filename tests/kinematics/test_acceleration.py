@@ -10,7 +10,7 @@ from onboard.kinematics.units import KM_H
 def trend_of(samples: list[tuple[float, float]], window_s: float = 0.5) -> AccelerationEstimator:
     trend = AccelerationEstimator(window_s)
     for stamp_s, speed_m_s in samples:
-        trend.receive(stamp_s, speed_m_s)
+        trend.receive_speed(stamp_s, speed_m_s)
     return trend
 
 
@@ -49,7 +49,7 @@ def test_nothing_is_estimated_from_too_few_samples(samples: list[tuple[float, fl
 
 def test_old_samples_leave_and_late_ones_are_ignored() -> None:
     trend = trend_of([(k / 10, 30.0) for k in range(10)] + [(1.0 + k / 10, 20.0) for k in range(8)])
-    trend.receive(1.65, 99.0)
+    trend.receive_speed(1.65, 99.0)
 
     assert trend.acceleration_m_s2 == pytest.approx(0.0, abs=1e-9)
 
@@ -58,7 +58,7 @@ def test_one_stamp_far_ahead_costs_the_window_and_no_more() -> None:
     trend = trend_of([(k / 10, 10.0) for k in range(10)] + [(1e6, 10.0)])
 
     for k in range(10, 20):
-        trend.receive(k / 10, 10.0 - 3.0 * k / 10)
+        trend.receive_speed(k / 10, 10.0 - 3.0 * k / 10)
 
     assert trend.acceleration_m_s2 == pytest.approx(-3.0)
 

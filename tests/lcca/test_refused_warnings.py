@@ -63,8 +63,8 @@ def test_warnings_received_before_joining_are_of_bounded_number_and_age() -> Non
     refused = RefusedWarnings(lifetime_s=3.0)
     warn = Warn(A, A, 1, A, 5, 0, 1, 5, WarnCause.DECELERATION, 6.0, 0.5, 1)
     for i in range(MAX_WARNINGS + 5):
-        refused.receive(replace(warn, event_origin_id=i.to_bytes(8)), 10.0)
-    refused.receive(replace(warn, event_origin_id=i.to_bytes(8), age_s=2.9), 10.0)
+        refused.receive_warn(replace(warn, event_origin_id=i.to_bytes(8)), 10.0)
+    refused.receive_warn(replace(warn, event_origin_id=i.to_bytes(8), age_s=2.9), 10.0)
     taken = list(refused.take(10.2))
     assert len(taken) == MAX_WARNINGS - 1
     assert {round(each.age_s, 3) for each in taken} == {0.7}

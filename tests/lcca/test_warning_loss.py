@@ -96,8 +96,8 @@ def test_an_impossible_reach_does_not_delay_an_update() -> None:
         parameters, GroupPosition(B, 3.0, 0), Followers(2.5), reach, np.random.default_rng(0)
     )
     for behind in (1, 2):
-        reach.receive(behind.to_bytes(8), behind, 10.0)
-    forwarding.receive(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
+        reach.receive_distance(behind.to_bytes(8), behind, 10.0)
+    forwarding.receive_first(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
     assert forwarding.get_timer() == pytest.approx(10.0 + 2 * parameters.slot_s)
 
 

@@ -33,7 +33,7 @@ class Observed:
         observer = OWN_ID if sender == OWN else sender
         identity = MeasurementId(observer, stamp_ms)
         piece = Measurement(identity, np.array([50.0 * number, 0.0]), 0.01 * np.eye(2))
-        self.tracks.receive(
+        self.tracks.receive_evidence(
             EvidenceBatch(
                 [sender],
                 [number],

@@ -167,7 +167,7 @@ def test_a_forged_certificate_gives_a_key_that_signs_nothing_and_is_not_kept(bob
     )
     assert _refused(bob, _message(Credential(forged, guessed))) == "bad_signature"
     trust = TrustStore(BOB.roots, BOB.authorities)
-    trust.receive(forged)
+    trust.receive_certificate(forged)
     assert trust.find(forged.hashed_id8) is None
 
 

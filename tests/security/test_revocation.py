@@ -88,11 +88,11 @@ def test_a_revoked_authority_takes_its_vehicles_along():
 
 def test_a_list_revokes_certificates_that_are_already_known():
     trust = trust_store(BOB)
-    known = trust.receive(_certificates(ALICE)[0])
+    known = trust.receive_certificate(_certificates(ALICE)[0])
     assert not trust.is_revoked(known)
     load_crl(make_crl(ISSUING, _certificates(ALICE), **LIST), trust)
     assert trust.is_revoked(known)
-    assert trust.is_revoked(trust.receive(_certificates(ALICE)[1]))
+    assert trust.is_revoked(trust.receive_certificate(_certificates(ALICE)[1]))
 
 
 def test_lists_add_up():
@@ -205,7 +205,7 @@ def test_a_delegate_of_the_authority_may_sign():
     ids = {ISSUING.credential.certificate.digest[-10:]: UTC_S}
     contents = _contents(craca_id8=issuer.certificate.hashed_id8, body=HashIdCrl(2, ids))
     load_crl(_signed(contents, delegate), trust)
-    assert trust.is_revoked(trust.receive(_certificates(ALICE)[0]))
+    assert trust.is_revoked(trust.receive_certificate(_certificates(ALICE)[0]))
 
 
 def test_a_changed_list_is_refused():

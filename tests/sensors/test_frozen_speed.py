@@ -16,7 +16,7 @@ def frozen_s(
         if step % (10 // fixes_hz) == 0:
             speed_m_s = receiver_m_s[step * len(receiver_m_s) // 100]
             check.receive_position(Position(now - late_s, 48.0, 11.0, None, 1.0, speed_m_s, 0.0))
-        if check.is_frozen(Speed(now, bus_m_s[step * len(bus_m_s) // 100], 0.28, "obd:7E8")):
+        if check.receive_speed(Speed(now, bus_m_s[step * len(bus_m_s) // 100], 0.28, "obd:7E8")):
             found.append(now)
     return found
 
@@ -56,9 +56,9 @@ def test_other_speeds_are_not(bus_m_s: list[float], receiver_m_s: list[float | N
 
 def test_a_receiver_that_is_silent_contradicts_nothing() -> None:
     check = FrozenSpeed()
-    check.is_frozen(Speed(0.0, 14.0, 0.28, "obd:7E8"))
+    check.receive_speed(Speed(0.0, 14.0, 0.28, "obd:7E8"))
     check.receive_position(Position(3.0, 48.0, 11.0, None, 1.0, 0.0, 0.0))
 
-    assert check.is_frozen(Speed(3.1, 14.0, 0.28, "obd:7E8"))
-    assert not check.is_frozen(Speed(5.0, 14.0, 0.28, "obd:7E8"))
-    assert not check.is_frozen(Speed(3.2, 14.0, 0.28, "obd:7E9")), "another source"
+    assert check.receive_speed(Speed(3.1, 14.0, 0.28, "obd:7E8"))
+    assert not check.receive_speed(Speed(5.0, 14.0, 0.28, "obd:7E8"))
+    assert not check.receive_speed(Speed(3.2, 14.0, 0.28, "obd:7E9")), "another source"

@@ -41,7 +41,7 @@ def test_an_observation_restarts_the_timeout_of_its_sensor(
 ) -> None:
     of_car = sensors(sensor)
 
-    used = of_car.receive(observation, 0.9)
+    used = of_car.receive_observation(observation, 0.9)
 
     assert of_car.get_timer() == pytest.approx(1.9)
     assert used == (sensor is not Sensor.RADIO)
@@ -50,7 +50,7 @@ def test_an_observation_restarts_the_timeout_of_its_sensor(
 def test_a_sensor_that_its_edge_reports_as_lost_is_lost() -> None:
     of_car = sensors(Sensor.RADIO)
 
-    assert not of_car.receive(SensorLost(0.5, Sensor.RADIO, None, "no route"), 0.5)
+    assert not of_car.receive_observation(SensorLost(0.5, Sensor.RADIO, None, "no route"), 0.5)
 
     assert of_car.next_event() == SensorLost(0.5, Sensor.RADIO, None, "no route")
 
@@ -60,8 +60,8 @@ def test_a_frozen_speed_is_lost_and_not_used() -> None:
     used = []
     for tenth in range(25):
         now = tenth / 10
-        of_car.receive(Position(now, 48.0, 11.0, None, 1.0, 5.0, 0.0), now)
-        used.append(of_car.receive(Speed(now, 14.0, KM_H, "obd:7E8"), now))
+        of_car.receive_observation(Position(now, 48.0, 11.0, None, 1.0, 5.0, 0.0), now)
+        used.append(of_car.receive_observation(Speed(now, 14.0, KM_H, "obd:7E8"), now))
 
     assert used == [True] * 20 + [False] * 5
     loss = of_car.next_event()
@@ -70,14 +70,14 @@ def test_a_frozen_speed_is_lost_and_not_used() -> None:
 
 
 def test_the_camera_s_vehicles_are_used_only_without_a_detector() -> None:
-    assert sensors(Sensor.CAMERA).receive(SEEN, 0.9)
-    assert not sensors(Sensor.CAMERA, Sensor.DETECTOR).receive(SEEN, 0.9)
+    assert sensors(Sensor.CAMERA).receive_observation(SEEN, 0.9)
+    assert not sensors(Sensor.CAMERA, Sensor.DETECTOR).receive_observation(SEEN, 0.9)
 
 
 @pytest.mark.parametrize(("text", "used"), [("AAA1", True), (None, False)])
 def test_a_plate_without_a_text_is_not_used(text: str | None, *, used: bool) -> None:
     assert (
-        sensors(Sensor.CAMERA).receive(
+        sensors(Sensor.CAMERA).receive_observation(
             Plate(0.9, ImageBox(0.0, 0.0, 9.0, 2.0), text, 0.9, is_lead=False), 0.9
         )
         == used

@@ -31,7 +31,7 @@ def receive(tracks: Tracks, sender: bytes, cars: dict[int, Evidence], now_ms: in
     """Let `tracks` receive what a sender reports under its numbers; return the rows refused."""
     pieces = list(cars.values())
     provenances = [piece.provenance for piece in pieces]
-    refused = tracks.receive(
+    refused = tracks.receive_evidence(
         EvidenceBatch(
             [sender] * len(pieces),
             list(cars),

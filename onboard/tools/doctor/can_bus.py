@@ -47,12 +47,12 @@ async def examine_bus(can: CanSettings, obd: ObdSettings, patience_s: float) -> 
     speed: Speed | None = None
     lost: list[str] = []
 
-    def receive(frame: CanFrame) -> None:
+    def receive_frame(frame: CanFrame) -> None:
         nonlocal frames
         frames += 1
         core.receive_frame(frame, loop.time())
 
-    bus = CanBus(can, receive, lambda up, why: None if up else lost.append(why))
+    bus = CanBus(can, receive_frame, lambda up, why: None if up else lost.append(why))
     try:
         bus.start(loop)
     except UserError as error:

@@ -39,7 +39,7 @@ def view(log: RunLog) -> RunView:
         view.receive_rig(record)
     for car, records in log.traces.items():
         for record in records:
-            view.receive(car, record)
+            view.receive_record(car, record)
     return view
 
 
@@ -69,7 +69,7 @@ def test_the_ledger_equals_that_of_the_run_log(view: RunView, log: RunLog) -> No
 
 def test_a_perceived_object_has_each_measurement_once_and_a_sigma() -> None:
     view = RunView({})
-    view.receive(
+    view.receive_record(
         "red",
         {
             "stamp_s": 1.0,
