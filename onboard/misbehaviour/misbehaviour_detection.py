@@ -131,10 +131,6 @@ class MisbehaviourDetector:
         temporary_id, sender = remote_id[:4], remote_id[4:]
         return sender or self._temporary_ids.first(temporary_id)
 
-    def signer_of_car(self, car_id: bytes) -> bytes | None:
-        """Return the first sender that used a communication ID; `None` if it is not known."""
-        return self._car_ids.first(car_id)
-
     def receive_car_id(self, sender: bytes, car_id: bytes) -> bool:
         """Link the communication ID of a group message to its sender.
 

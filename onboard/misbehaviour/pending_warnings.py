@@ -35,6 +35,7 @@ MAX_PENDING = 64
 @dataclass(frozen=True, slots=True)
 class _Pending:
     message: Warn
+    signer: bytes | None
     made_at_s: float
     since_s: float
 
@@ -49,27 +50,30 @@ class PendingWarnings(Core):
     def __init__(self, misbehaviour: MisbehaviourDetector) -> None:
         self._misbehaviour = misbehaviour
         self._pending: deque[_Pending] = deque()
-        self._passed: deque[Warn] = deque()
+        self._passed: deque[tuple[Warn, bytes | None]] = deque()
         self._events: deque[Discarded] = deque()
 
-    def receive_warning(self, message: Warn, made_at_s: float, now: float) -> None:
+    def receive_warning(
+        self, message: Warn, signer: bytes | None, made_at_s: float, now: float
+    ) -> None:
         """Take a warning of verified origin; `next_warning` returns it once it passes.
 
         Args:
             message: the warning.
+            signer: who signed this copy of it; `None` if it is not signed.
             made_at_s: its generation time by its sender's clock.
             now: the present time.
         """
         if abs(now - made_at_s) > FRESH_S:
-            self._reject(_Pending(message, made_at_s, now), "stale", now)
+            self._reject(_Pending(message, signer, made_at_s, now), "stale", now)
             return
-        self._pending.append(_Pending(message, made_at_s, now))
+        self._pending.append(_Pending(message, signer, made_at_s, now))
         self.handle_timer(now)
         if len(self._pending) > MAX_PENDING:
             self._reject(self._pending.pop(), "too_many_warnings", now)
 
-    def next_warning(self) -> Warn | None:
-        """Return the next warning that passed; `None` if there is none."""
+    def next_warning(self) -> tuple[Warn, bytes | None] | None:
+        """Return the next warning that passed, and its signer; `None` if there is none."""
         return self._passed.popleft() if self._passed else None
 
     @override
@@ -89,13 +93,13 @@ class PendingWarnings(Core):
         for pending in self._pending:
             violation = self._violation(pending)
             if violation is None:
-                self._passed.append(pending.aged(now))
+                self._passed.append((pending.aged(now), pending.signer))
             elif now < pending.since_s + HOLD_S:
                 waiting.append(pending)
             elif self._has_speed_since(pending):
                 self._reject(pending, violation, now)
             else:
-                self._passed.append(pending.aged(now))
+                self._passed.append((pending.aged(now), pending.signer))
         self._pending = waiting
 
     def _violation(self, pending: _Pending) -> str | None:

@@ -126,16 +126,16 @@ class LccaApplication:
                 pass
             case lcca.Warn():
                 made_at_s = self._security.made_at_s(opened, now)
-                self.pending_warnings.receive_warning(message, made_at_s, now)
+                self.pending_warnings.receive_warning(message, signer, made_at_s, now)
             case _:
                 self._receive_group_message(message, now)
 
     def take_events(self, now: float) -> Iterator[Event]:
         """Yield what has happened; the group gets a warning after the events of the one before."""
         yield from self._taken()
-        while (warning := self.pending_warnings.next_warning()) is not None:
+        while (passed := self.pending_warnings.next_warning()) is not None:
+            warning, signer = passed
             if self._claims is not None:
-                signer = self._misbehaviour.signer_of_car(warning.sender_id)
                 self._claims.receive_warn(warning, signer)
             self.group.receive_message(warning, now)
             yield from self._taken()

@@ -39,7 +39,7 @@ class Listener:
         self.pending.handle_timer(now)
 
     def passed(self) -> list[Warn]:
-        return list(iter(self.pending.next_warning, None))
+        return [warning for warning, _ in iter(self.pending.next_warning, None)]
 
     def disbelieved(self) -> list[str]:
         return [event.reason for event in iter(self.pending.next_event, None)]
@@ -53,7 +53,7 @@ def test_a_warning_that_speeds_already_confirm_passes_at_once() -> None:
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
-    car.pending.receive_warning(warning(), 1.11, 1.11)
+    car.pending.receive_warning(warning(), SIGNER, 1.11, 1.11)
 
     assert car.passed() == [replace(warning(), age_s=0.05 + AIR_S)]
     assert car.pending.get_timer() == math.inf
@@ -65,7 +65,7 @@ def test_a_warning_of_a_car_without_received_bsms_passes_at_once() -> None:
         FORWARDER, LEADER, 4, b"far away", 1, 0, 1, 1, WarnCause.DECELERATION, 6.0, 0.2, 3
     )
 
-    car.pending.receive_warning(from_afar, 1.05, 1.05)
+    car.pending.receive_warning(from_afar, SIGNER, 1.05, 1.05)
 
     assert car.passed() == [replace(from_afar, age_s=0.2 + AIR_S)]
 
@@ -73,7 +73,7 @@ def test_a_warning_of_a_car_without_received_bsms_passes_at_once() -> None:
 def test_a_warning_before_its_braking_shows_waits_for_the_next_bsm_and_ages() -> None:
     """Hard braking makes a BSM due at once: it follows the warning."""
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     assert car.passed() == []
 
     car.hear_bsm(1.052, 14.2)
@@ -85,7 +85,7 @@ def test_a_warning_before_its_braking_shows_waits_for_the_next_bsm_and_ages() ->
 
 def test_a_pending_warning_passes_late_when_no_bsm_arrives() -> None:
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     assert car.pending.get_timer() == 1.05 + HOLD_S
 
     car.pending.handle_timer(1.05 + HOLD_S)
@@ -96,7 +96,7 @@ def test_a_pending_warning_passes_late_when_no_bsm_arrives() -> None:
 
 def test_a_forged_warning_of_a_car_at_constant_speed_is_rejected() -> None:
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     for now in (1.1, 1.2):
         car.hear_bsm(now, 15.0)
 
@@ -110,7 +110,7 @@ def test_a_forged_warning_of_a_car_at_constant_speed_is_rejected() -> None:
 def test_delayed_bsms_from_before_the_warning_do_not_contradict_it() -> None:
     """An attacker that jams new BSMs and replays old ones cannot suppress a warning."""
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     for made_at_s in (1.02, 1.04):
         car.hear_bsm(1.1 + made_at_s / 100, 15.0, made_at_s)
 
@@ -124,7 +124,7 @@ def test_a_senders_clock_does_not_change_a_warnings_age(clock_error_s: float) ->
     car = Listener()
     car.hear_bsm(1.1, 14.0)
 
-    car.pending.receive_warning(warning(), made_at_s=1.11 + clock_error_s, now=1.11)
+    car.pending.receive_warning(warning(), SIGNER, made_at_s=1.11 + clock_error_s, now=1.11)
 
     assert [passed.age_s for passed in car.passed()] == [pytest.approx(0.05 + AIR_S)]
 
@@ -135,7 +135,7 @@ def test_a_forwarders_clock_does_not_change_what_speeds_say_of_a_braking(
 ) -> None:
     forged, true = Listener(), Listener()
     for car, speed_m_s in ((forged, 15.0), (true, 14.0)):
-        car.pending.receive_warning(warning(sender=FORWARDER), 1.05 + clock_error_s, 1.05)
+        car.pending.receive_warning(warning(sender=FORWARDER), SIGNER, 1.05 + clock_error_s, 1.05)
         car.hear_bsm(1.1, speed_m_s)
         car.pending.handle_timer(1.05 + HOLD_S)
 
@@ -148,7 +148,7 @@ def test_a_copy_that_was_kept_for_long_is_stale(off_s: float) -> None:
     """An attacker can jam a warning and replay it to those who missed it."""
     car = Listener()
 
-    car.pending.receive_warning(warning(), made_at_s=1.05 + off_s, now=1.05)
+    car.pending.receive_warning(warning(), SIGNER, made_at_s=1.05 + off_s, now=1.05)
 
     assert car.disbelieved() == ["stale"]
     assert car.passed() == []
@@ -158,14 +158,14 @@ def test_a_copy_that_was_kept_for_long_is_stale(off_s: float) -> None:
 def test_a_test_and_an_end_need_no_speeds_that_show_braking(cause: WarnCause) -> None:
     car = Listener()
 
-    car.pending.receive_warning(replace(warning(), cause=cause), 1.05, 1.05)
+    car.pending.receive_warning(replace(warning(), cause=cause), SIGNER, 1.05, 1.05)
 
     assert len(car.passed()) == 1
 
 
 def test_bsms_without_speed_do_not_contradict_braking() -> None:
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     car.hear_bsm(1.1, None)
 
     car.pending.handle_timer(1.05 + HOLD_S)
@@ -175,8 +175,8 @@ def test_bsms_without_speed_do_not_contradict_braking() -> None:
 
 def test_every_copy_of_a_warning_is_pending_and_the_first_confirming_bsm_passes_them_all() -> None:
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
-    car.pending.receive_warning(warning(sender=FORWARDER), 1.06, 1.06)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
+    car.pending.receive_warning(warning(sender=FORWARDER), SIGNER, 1.06, 1.06)
     assert car.passed() == []
 
     car.hear_bsm(1.1, 14.0)
@@ -189,7 +189,7 @@ def test_a_communication_id_of_two_senders_is_not_checked() -> None:
     car = Listener()
     car.misbehaviour.receive_car_id(OTHER, LEADER)
 
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
 
     assert len(car.passed()) == 1
 
@@ -197,7 +197,7 @@ def test_a_communication_id_of_two_senders_is_not_checked() -> None:
 def test_too_many_pending_warnings_are_rejected_in_bounded_memory() -> None:
     car = Listener()
     for sequence in range(MAX_PENDING + 3):
-        car.pending.receive_warning(warning(sequence), 1.05, 1.05)
+        car.pending.receive_warning(warning(sequence), SIGNER, 1.05, 1.05)
 
     assert car.disbelieved() == ["too_many_warnings"] * 3
     assert car.pending.get_timer() < math.inf
@@ -206,14 +206,14 @@ def test_too_many_pending_warnings_are_rejected_in_bounded_memory() -> None:
 def test_check_braking_can_be_switched_off() -> None:
     car = Listener(check_braking=False)
 
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
 
     assert len(car.passed()) == 1
 
 
 def test_a_rejected_warning_names_the_car() -> None:
     car = Listener()
-    car.pending.receive_warning(warning(), 1.05, 1.05)
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
     car.hear_bsm(1.1, 15.0)
     car.pending.handle_timer(1.4)
 

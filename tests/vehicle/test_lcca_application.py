@@ -11,8 +11,11 @@ from onboard.lcca.transitions import GroupState
 from onboard.messages import bsm, lcca
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.exchanged import MessageReceived
+from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
+from onboard.misbehaviour.signer_credibility import CLAIM_S, MOST_ALARMS
 from onboard.observations import BrakeCause, Discarded, HardBrake
+from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.security.security_services import Opened, SecurityServices
@@ -33,6 +36,7 @@ class Car:
         self.plate = plate
         self.digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
         self.misbehaviour = MisbehaviourDetector()
+        self.claims = AlarmClaims(self.misbehaviour.signer_of, lambda _: False, has_sight=True)
         self.lcca = LccaApplication(
             GroupParameters(),
             plate,
@@ -41,6 +45,7 @@ class Car:
             digest=self.digest,
             security=SecurityServices(UTC_S),
             misbehaviour=self.misbehaviour,
+            claims=self.claims,
         )
         self.events: list[Event] = []
 
@@ -144,6 +149,27 @@ def test_an_answer_of_another_signer_does_not_silence_the_lead(pair: Pair) -> No
     pair.drive(0.2)
 
     assert len(of(behind.events, WarningRaised)) == 1
+
+
+def test_who_signs_a_warning_is_charged_not_whose_id_it_bears(pair: Pair) -> None:
+    """In a new epoch, before the lead has answered, its signer is not known."""
+    ahead, behind = pair.cars.values()
+    lead_id, own = ahead.pseudonym(0.0).car_id, behind.pseudonym(0.0)
+    behind.lcca.identification.set_own_id(own.car_id, own.temporary_id, pair.now)
+    for sequence in range(100, 100 + MOST_ALARMS):
+        invented = lcca.Warn(
+            lead_id, lead_id, 1, lead_id, sequence, 0, 1, sequence,
+            lcca.WarnCause.DECELERATION, 6.0, 0.0, 1,
+        )  # fmt: skip
+        (warning,) = of(behind.hears(lcca.encode(invented), b"signer 9", pair.now), WarningRaised)
+        reason = AlarmReason(warning.kind, warning.origin_id.hex(), 0.0)
+        assessment = Assessment(Level.WARNING, 6.0, (reason,))
+        for at in (0.0, 1.0):
+            assert behind.claims.permits(Cause.LCCA, assessment, pair.now + at)
+        pair.now += CLAIM_S + 1.0
+
+    for signer, is_ignored in ((b"signer 9", True), (SIGNERS[AHEAD], False)):
+        assert behind.claims.credibility.is_ignored(signer, pair.now) is is_ignored
 
 
 def test_bytes_that_are_no_message_are_discarded(pair: Pair) -> None:
