@@ -1,6 +1,9 @@
 """A trace or capture on disk; if the disk is full, the file ends and the daemon goes on."""
 
+import contextlib
 import io
+import os
+import stat
 from pathlib import Path
 
 import structlog
@@ -15,13 +18,13 @@ class TraceFile(io.FileIO):
     """Unbuffered file; after the first error nothing more is written."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, or truncate it.
+        """Create the file, or truncate it; only its owner may read it, since it has plates.
 
         Raises:
             UserError: it cannot be created.
         """
         try:
-            super().__init__(path, "wb")
+            super().__init__(path, "wb", opener=_open_private)
         except OSError as error:
             raise UserError(f"trace: {path}: {error.strerror}") from error
         self._has_failed = False
@@ -36,3 +39,12 @@ class TraceFile(io.FileIO):
             self._has_failed = True
             log.error("trace ended", file=str(self.name), reason=error.strerror)  # noqa: TRY400 (a full disk is no error of the program)
             return 0
+
+
+def _open_private(path: str, flags: int) -> int:
+    """Open a file for its owner only, also one that others could read; a device stays as it is."""
+    descriptor = os.open(path, flags, 0o600)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        with contextlib.suppress(PermissionError):  # of another owner, who decides
+            os.fchmod(descriptor, 0o600)
+    return descriptor

@@ -1,0 +1,34 @@
+"""Traces and captures on disk."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from onboard.trace.trace_file import TraceFile
+
+
+@pytest.fixture(autouse=True)
+def an_umask_that_hides_nothing():
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+def test_only_its_owner_may_read_a_trace_since_it_has_plates(tmp_path: Path) -> None:
+    with TraceFile(tmp_path / "trace.jsonl") as trace:
+        trace.write(b"{}\n")
+
+    assert (tmp_path / "trace.jsonl").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_trace_that_others_could_read_is_theirs_no_more(tmp_path: Path) -> None:
+    path = tmp_path / "trace.jsonl"
+    path.write_text("of an earlier drive")
+    path.chmod(0o644)
+
+    with TraceFile(path) as trace:
+        trace.write(b"{}\n")
+
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert path.read_text() == "{}\n"
