@@ -30,7 +30,7 @@ from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.wave_link import bsm_sender
+from onboard.vehicle.wave_link import bsm_sender, certificate_in
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.receive_turns import ReceiveTurns
@@ -88,7 +88,9 @@ class Daemon:
             ),
         )
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
-        self._wsms = ReceiveQueue(config.lcca_psid, bsm_sender, self._stack.known_signer)
+        self._wsms = ReceiveQueue(
+            config.lcca_psid, bsm_sender, self._stack.known_signer, certificate_in
+        )
         self._turns = ReceiveTurns(self._wsms, time.monotonic)
         self._inbox: deque[Item] = deque()
         self._next_step: asyncio.Handle | None = None

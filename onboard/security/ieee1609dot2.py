@@ -168,19 +168,30 @@ def signer_in(data: bytes) -> bytes | None:
     At a fraction of the cost of `decode`; `None` for other data and for several certificates. For a
     certificate in another than the canonical form it is another value.
     """
+    return _signer_in(data)[0]
+
+
+def certificate_in(data: bytes) -> bytes | None:
+    """Return the HashedId8 as `signer_in` if signed `data` carries the certificate; else `None`."""
+    hashed_id8, is_carried = _signer_in(data)
+    return hashed_id8 if is_carried else None
+
+
+def _signer_in(data: bytes) -> tuple[bytes | None, bool]:
+    """Return the HashedId8 of the signer, and whether its certificate is there."""
     reader = OerReader(data)
     try:
         if _read_content(reader) != 1:
-            return None
+            return None, False
         reader.byte()
         _read_to_be_signed(reader)
         if reader.choice() == 0:
-            return reader.take(8)
+            return reader.take(8), False
         if reader.unsigned() != 1:
-            return None
+            return None, False
     except (Malformed, Unsupported):
-        return None
-    return hashlib.sha256(data[reader.position : -_SIGNATURE_BYTES]).digest()[-8:]
+        return None, False
+    return hashlib.sha256(data[reader.position : -_SIGNATURE_BYTES]).digest()[-8:], True
 
 
 def _read_content(reader: OerReader) -> int:

@@ -4,6 +4,12 @@ A vehicle that does not know an issuer names it in its next BSM (`p2pcdLearningR
 that certificate answers with it and those above it, but the root (Ieee1609dot2Peer2PeerPDU, PSID
 0x88). The answer is unsigned: certificates are verified by themselves.
 
+Anybody can make up issuers, thousands a second. So while there are many, an issuer is asked for
+only when a message comes under it again after `SIGHTED_S`, as of a vehicle that drives beside. Who
+keeps that up as well can still fill the requests. So a vehicle that hears such an issuer also sends
+the certificates above its own, as if it had been asked: the other one lacks them, most likely. An
+answer is verified if its issuer was named in a message lately, asked for or not.
+
 A request is honoured unverified, for who asks is often unknown to whom it asks. Anybody can make a
 vehicle answer, so a certificate is sent at most once in `ANSWER_INTERVAL_S`, and not after
 `ENOUGH_ANSWERS` of others: a flood of requests brings no more. Times are ours; those of the
@@ -21,18 +27,24 @@ from onboard.security.certificate_codec import read_certificate
 from onboard.security.certificates import Certificate
 from onboard.security.oer import Malformed, OerReader, Unsupported, choice, sequence
 
+SIGHTED_S = 0.3
+"""From the first message under an issuer to that after which it is asked for, and announced: less
+than the interval at which vehicles attach their certificates."""
+MOST_SIGHTED = 8192
+"""Issuers that are remembered, those of the last messages: 2 s of 3,000 made up a second, so that a
+vehicle's is still among them at its next certificate."""
 REQUEST_INTERVAL_S = 1.0
-"""Between requests: one message of ten asks."""
+"""Between requests for one issuer: one message of ten asks."""
 REQUEST_LIFETIME_S = 5.0
 """For which an issuer is asked for, and an answer taken, after a message under it."""
 BACKOFF_S = 0.25
 """Within which answers are spread."""
-ANSWER_INTERVAL_S = 2.0
+ANSWER_INTERVAL_S = 1.0
 """Between two answers with one certificate."""
 ENOUGH_ANSWERS = 3
 """Of others, after which an answer that waits is dropped."""
 MOST_REQUESTED = 16
-"""Issuers that are asked for at a time, the newest."""
+"""Issuers that are asked for at a time; another one takes the place of one that was asked for."""
 
 _VERSION = 1
 _MOST_CERTIFICATES = 8
@@ -81,40 +93,72 @@ class CertificateDistribution(Core):
             hashed_id3(key): encode_ca_certs(_up_from(each, by_id)) for key, each in by_id.items()
         }
         self._backoff_s = 0.0
+        self._own_issuer = b""
+        """HashedId3 of the issuer of the own certificate."""
+        self._sighted: OrderedDict[bytes, tuple[float, float]] = OrderedDict()
+        """First and last message, by the HashedId8 of the issuers that are not known."""
         self._requested: OrderedDict[bytes, float] = OrderedDict()
-        """Until when, by the HashedId8 of the issuers that are not known."""
-        self._request_at = -math.inf
+        """When to ask next, by the HashedId8 of the issuers to ask for."""
         self._waiting: dict[bytes, tuple[float, int]] = {}
         """When to answer, and the answers of others, by HashedId3."""
         self._answered_at: dict[bytes, float] = {}
 
-    def use_certificate(self, hashed_id8: bytes) -> None:
+    def use_certificate(self, hashed_id8: bytes, issuer_id: bytes | None = None) -> None:
         """Take the HashedId8 of the own certificate, which spreads the answers of vehicles.
 
         The time to an answer so tells nothing that outlasts a pseudonym.
+
+        Args:
+            hashed_id8: of the own certificate.
+            issuer_id: HashedId8 of its issuer, whose certificates are announced.
         """
         self._backoff_s = BACKOFF_S * int.from_bytes(hashed_id8[:2]) / (1 << 16)
+        self._own_issuer = hashed_id3(issuer_id or b"")
 
     # ---- asking ---------------------------------------------------------------------------
 
     def receive_unknown_issuer(self, issuer_id: bytes, now: float) -> None:
         """Take the HashedId8 of an issuer that a message came under."""
-        self._requested[issuer_id] = now + REQUEST_LIFETIME_S
-        self._requested.move_to_end(issuer_id)
-        if len(self._requested) > MOST_REQUESTED:
-            self._requested.popitem(last=False)
+        self._forget(now)
+        first_at, _ = self._sighted.pop(issuer_id, (now, now))
+        self._sighted[issuer_id] = first_at, now
+        if len(self._sighted) > MOST_SIGHTED:
+            self._sighted.popitem(last=False)
+        if now - first_at >= SIGHTED_S or len(self._sighted) <= MOST_REQUESTED:
+            self._place_request(issuer_id)
+            self.receive_request(self._own_issuer, now)
+
+    def _place_request(self, issuer_id: bytes) -> None:
+        """Plan to ask for an issuer, if there is a place or one that was asked for."""
+        if issuer_id in self._requested:
+            return
+        if len(self._requested) >= MOST_REQUESTED:
+            asked_for = (each for each, at in self._requested.items() if at > -math.inf)
+            replaced = next(asked_for, None)
+            if replaced is None:
+                return
+            del self._requested[replaced]
+        self._requested[issuer_id] = -math.inf
 
     def request_to_send(self, now: float) -> bytes | None:
         """Return the HashedId3 to ask for in a BSM that is sent now, each in turn."""
-        if now < self._request_at:
-            return None
         self._forget(now)
-        if not self._requested:
-            return None
-        self._request_at = now + REQUEST_INTERVAL_S
-        wanted = next(iter(self._requested))
-        self._requested.move_to_end(wanted)
-        return hashed_id3(wanted)
+        for wanted, next_at in list(self._requested.items()):
+            if wanted not in self._sighted:
+                del self._requested[wanted]
+            elif next_at <= now:
+                self._requested[wanted] = now + REQUEST_INTERVAL_S
+                self._requested.move_to_end(wanted)
+                return hashed_id3(wanted)
+        return None
+
+    def _forget(self, now: float) -> None:
+        """Forget the issuers of messages that were received too long ago."""
+        while self._sighted:
+            issuer_id, (_, last_at) = next(iter(self._sighted.items()))
+            if now - last_at < REQUEST_LIFETIME_S:
+                break
+            del self._sighted[issuer_id]
 
     def wanted(self, certificates: Iterable[Certificate], now: float) -> list[Certificate]:
         """Take an answer of another vehicle; return it, the topmost certificate first.
@@ -122,7 +166,7 @@ class CertificateDistribution(Core):
         Certificates are told apart by HashedId8: one with the HashedId3 of another is soon found.
 
         Returns:
-            nothing, if its first certificate was not asked for.
+            nothing, if no message came under its first certificate lately.
         """
         chain = list(certificates)
         issuer_id = chain[0].hashed_id8
@@ -133,7 +177,10 @@ class CertificateDistribution(Core):
             if others + 1 >= ENOUGH_ANSWERS:
                 del self._waiting[answered]
         self._forget(now)
-        return chain[::-1] if self._requested.pop(issuer_id, None) is not None else []
+        if self._sighted.pop(issuer_id, None) is None:
+            return []
+        self._requested.pop(issuer_id, None)
+        return chain[::-1]
 
     # ---- answering ------------------------------------------------------------------------
 
@@ -156,10 +203,6 @@ class CertificateDistribution(Core):
     def get_timer(self) -> float:
         """Return when an answer is due; infinite without one."""
         return min((at for at, _ in self._waiting.values()), default=math.inf)
-
-    def _forget(self, now: float) -> None:
-        for wanted in [key for key, until in self._requested.items() if until <= now]:
-            del self._requested[wanted]
 
 
 def _up_from(certificate: Certificate, by_id: dict[bytes, Certificate]) -> list[Certificate]:

@@ -113,7 +113,8 @@ class SecurityServices:
         """Use `credential` from now on; the next message carries its certificate."""
         self._credential = credential
         self._certificate_due_at = float("-inf")
-        self.distribution.use_certificate(credential.certificate.hashed_id8)
+        certificate = credential.certificate
+        self.distribution.use_certificate(certificate.hashed_id8, certificate.issuer_id)
 
     @property
     def verifies(self) -> bool:

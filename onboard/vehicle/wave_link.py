@@ -103,3 +103,8 @@ def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
     """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
     payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
     return None if payload is None else bsm.temporary_id_in(payload)
+
+
+def certificate_in(wsm: WaveShortMessage) -> bytes | None:
+    """Return the HashedId8 of the certificate that `wsm` carries, unverified; `None` without."""
+    return ieee1609dot2.certificate_in(wsm.payload)

@@ -2,16 +2,18 @@
 
 More messages can arrive than one processor verifies, and anybody can send. Frames that name a
 signer whose messages were verified before come first: those of the warning group at once, each
-signer in turn, then the newest BSM of each sender. All others wait in one short queue, for which
-the caller has a budget of time. Under overload, every known sender is so processed with its newest
+signer in turn, then the newest BSM of each sender. For all others (`unknown_signers.py`), the
+caller has a budget of time. Under overload, every known sender is so processed with its newest
 messages, whoever else floods the channel.
 """
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable
 
 from onboard.errors import DecodeError
-from onboard.wave_udp import wsmp
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.sender_turns import SenderTurns
+from onboard.wave_udp.unknown_signers import UnknownSigners
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 MAX_SENDERS = 1024
@@ -24,11 +26,13 @@ MAX_URGENT = 4096
 MAX_URGENT_OF_SIGNER = 16
 """Urgent frames of one signer waiting, a second of group messages: what is forged in the name of
 one vehicle delays no other one by more than its turn."""
-MAX_UNKNOWN = 256
-"""Frames of unknown signers waiting, the newest."""
 
 NO_KEYS = b""
 """Stands for all signers where nothing is verified."""
+
+
+def _no_certificate(_wsm: WaveShortMessage) -> None:
+    """Find none where nothing is verified."""
 
 
 class ReceiveQueue:
@@ -39,6 +43,7 @@ class ReceiveQueue:
         urgent_psid: int,
         sender_of: Callable[[WaveShortMessage], bytes | None],
         known_signer: Callable[[WaveShortMessage], bytes | None] = lambda _wsm: NO_KEYS,
+        certificate_in: Callable[[WaveShortMessage], bytes | None] = _no_certificate,
     ) -> None:
         """Queue frames under `urgent_psid` before all others.
 
@@ -47,14 +52,15 @@ class ReceiveQueue:
             sender_of: names the sender of a message without verifying it; `None` if it names none.
             known_signer: names its signer, if messages of that signer were verified; `NO_KEYS`
                 where nothing is.
+            certificate_in: identifies the certificate that a message carries; `None` without one.
         """
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
         self._known_signer = known_signer
-        self._urgent: OrderedDict[bytes, deque[bytes]] = OrderedDict()
-        """By signer; the first one is next."""
+        self._certificate_in = certificate_in
+        self._urgent = SenderTurns(MAX_URGENT)
         self._others: OrderedDict[bytes, bytes] = OrderedDict()
-        self._unknown: deque[bytes] = deque()
+        self._unknown = UnknownSigners()
         self._dropped = 0
 
     def __bool__(self) -> bool:
@@ -80,42 +86,39 @@ class ReceiveQueue:
         try:
             message = wsmp.decode(wsm)
         except DecodeError:
-            self._put_last(self._unknown, wsm, MAX_UNKNOWN)  # the cores count it with its reason
+            self._dropped += self._unknown.put(wsm)  # the cores count it with its reason
             return
         signer = self._known_signer(message)
         if signer is None:
-            self._put_last(self._unknown, wsm, MAX_UNKNOWN)
+            self._dropped += self._put_unknown(message, wsm)
         elif message.psid == self._urgent_psid:
             most = MAX_URGENT if signer == NO_KEYS else MAX_URGENT_OF_SIGNER
-            self._put_last(self._urgent.setdefault(signer, deque()), wsm, most)
+            self._dropped += self._urgent.put(signer, wsm, most)
         else:
             self._put_other(self._sender_of(message) or wsm, wsm)
 
     def take(self, *, only_urgent: bool = False) -> bytes | None:
         """Remove and return the next frame of a known signer; `None` if there is none."""
         if self._urgent:
-            signer, frames = self._urgent.popitem(last=False)
-            wsm = frames.popleft()
-            if frames:
-                self._urgent[signer] = frames
-            return wsm
+            return self._urgent.take()
         return self._others.popitem(last=False)[1] if self._others and not only_urgent else None
 
     def take_unknown(self) -> bytes | None:
         """Remove and return the next frame of an unknown signer; `None` if there is none."""
-        return self._unknown.popleft() if self._unknown else None
+        return self._unknown.take()
 
     def take_dropped(self) -> int:
         """Return how many frames were dropped since the last call."""
         dropped, self._dropped = self._dropped, 0
         return dropped
 
-    def _put_last(self, queue: deque[bytes], wsm: bytes, most: int) -> None:
-        """Append a frame; from `most` on, the oldest one is dropped."""
-        queue.append(wsm)
-        if len(queue) > most:
-            queue.popleft()
-            self._dropped += 1
+    def _put_unknown(self, message: WaveShortMessage, wsm: bytes) -> int:
+        if message.psid == psid.PEER_TO_PEER:
+            return self._unknown.put_answer(wsm)
+        certificate = self._certificate_in(message)
+        if certificate is None:
+            return self._unknown.put(wsm)
+        return self._unknown.put_certified(certificate, wsm)
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
         if sender in self._others and len(self._others) < KEEP_ALL_BELOW:

@@ -12,8 +12,10 @@ from onboard.security.peer_to_peer import (
     BACKOFF_S,
     ENOUGH_ANSWERS,
     MOST_REQUESTED,
+    MOST_SIGHTED,
     REQUEST_INTERVAL_S,
     REQUEST_LIFETIME_S,
+    SIGHTED_S,
     CertificateDistribution,
     decode_ca_certs,
     encode_ca_certs,
@@ -149,11 +151,62 @@ def test_an_answer_that_was_not_asked_for_is_not_even_verified() -> None:
     assert asking.wanted([other], 1.2) == []
 
 
-def test_one_issuer_is_asked_for_at_a_time_and_the_newest_are_kept() -> None:
+def requests(asking: CertificateDistribution, seconds: float) -> list[bytes]:
+    """What ten BSMs a second ask for from second 1 on."""
+    asked = (asking.request_to_send(1.0 + 0.1 * tenth) for tenth in range(round(10 * seconds)))
+    return [each for each in asked if each is not None]
+
+
+def test_an_issuer_is_asked_for_once_a_second_after_its_last_message() -> None:
     asking = answering()
-    for number in range(100):
+    asking.receive_unknown_issuer(bytes(8), 1.0)
+    assert len(requests(asking, 10.0)) == round(REQUEST_LIFETIME_S / REQUEST_INTERVAL_S)
+
+
+def test_of_many_issuers_those_are_asked_for_that_come_again_after_a_while() -> None:
+    asking = answering()
+    for number in range(1000):
+        for at in (0.5, 0.5 + 0.9 * SIGHTED_S):
+            asking.receive_unknown_issuer(number.to_bytes(8), at)
+    asking.receive_unknown_issuer(b"vehicle.", 0.8)
+    assert hashed_id3(b"vehicle.") not in requests(asking, 2.0)
+    asking.receive_unknown_issuer(b"vehicle.", 0.8 + SIGHTED_S)
+    assert hashed_id3(b"vehicle.") in requests(asking, 2.0)
+
+
+def test_one_that_was_asked_for_gives_its_place_to_another_one() -> None:
+    asking = answering()
+    for number in range(MOST_REQUESTED):
+        asking.receive_unknown_issuer(number.to_bytes(8), 1.0)
+    asking.receive_unknown_issuer(b"vehicle.", 1.0)
+    asking.receive_unknown_issuer(b"vehicle.", 1.0 + SIGHTED_S)
+    assert hashed_id3(b"vehicle.") not in requests(asking, 1.0), "no place yet"
+    asking.receive_unknown_issuer(b"vehicle.", 1.0 + SIGHTED_S)
+    assert hashed_id3(b"vehicle.") in requests(asking, 1.0)
+
+
+def test_issuers_of_no_message_are_forgotten_before_those_of_vehicles() -> None:
+    asking = answering()
+    other = OTHER_ISSUING.credential.certificate
+    asking.receive_unknown_issuer(other.hashed_id8, 0.0)
+    for number in range(MOST_SIGHTED - 1):
         asking.receive_unknown_issuer(number.to_bytes(8), 0.0)
-    wanted = [asking.request_to_send(0.1 * tenth) for tenth in range(100)]
-    sent = [each for each in wanted if each is not None]
-    assert len(sent) == round(REQUEST_LIFETIME_S / REQUEST_INTERVAL_S)
-    assert all(int.from_bytes(each) >= 100 - MOST_REQUESTED for each in sent)
+    asking.receive_unknown_issuer(other.hashed_id8, 1.0)
+    for number in range(MOST_SIGHTED - 1):
+        asking.receive_unknown_issuer(number.to_bytes(7) + b"!", 1.0)
+    assert asking.wanted([other], 1.0) == [other]
+    asking.receive_unknown_issuer(other.hashed_id8, 1.0)
+    for number in range(MOST_SIGHTED):
+        asking.receive_unknown_issuer(number.to_bytes(8), 1.0)
+    assert asking.wanted([other], 1.0) == []
+
+
+def test_who_hears_an_unknown_issuer_announces_the_own_one() -> None:
+    """Where requests are drowned, whoever needs the answer gets it."""
+    hears = CertificateDistribution([ISSUER])
+    hears.use_certificate(OWN_ID, ISSUER.hashed_id8)
+    hears.receive_unknown_issuer(b"unknown.", 1.0)
+    assert hears.answers_to_send(1.0 + BACKOFF_S) == [encode_ca_certs([ISSUER])]
+    for millisecond in range(999):
+        hears.receive_unknown_issuer(b"unknown.", 1.0 + BACKOFF_S + millisecond / 1000)
+    assert hears.answers_to_send(2.2) == [], "no more often than it would answer"

@@ -18,10 +18,10 @@ from onboard.wave_udp import psid
 from onboard.wave_udp.receive_queue import (
     KEEP_ALL_BELOW,
     MAX_SENDERS,
-    MAX_UNKNOWN,
     MAX_URGENT_OF_SIGNER,
     ReceiveQueue,
 )
+from onboard.wave_udp.unknown_signers import MAX_WAITING
 from onboard.wave_udp.wsmp import WaveShortMessage, encode
 
 
@@ -163,8 +163,8 @@ def test_group_messages_of_unknown_signers_do_not_delay_those_of_known_ones() ->
     assert list(iter(queue.take, None)) == [signed_by(KNOWN[0], 1)]
     assert not queue.has_known
     waiting = list(iter(queue.take_unknown, None))
-    assert waiting == [signed_by(n.to_bytes(8), n) for n in range(1000 - MAX_UNKNOWN, 1000)]
-    assert queue.take_dropped() == 1000 - MAX_UNKNOWN
+    assert waiting == [signed_by(n.to_bytes(8), n) for n in range(1000 - MAX_WAITING, 1000)]
+    assert queue.take_dropped() == 1000 - MAX_WAITING
 
 
 def test_what_is_forged_in_the_name_of_one_signer_costs_another_one_turn() -> None:
@@ -177,3 +177,48 @@ def test_what_is_forged_in_the_name_of_one_signer_costs_another_one_turn() -> No
 
     assert first_two == [signed_by(KNOWN[0], 1000 - MAX_URGENT_OF_SIGNER), signed_by(KNOWN[1], 7)]
     assert len(list(iter(queue.take, None))) == MAX_URGENT_OF_SIGNER - 1
+
+
+def certified(certificate: bytes, number: int) -> bytes:
+    return wsm(psid.BSM, int.from_bytes(certificate) << 8 | number)
+
+
+def queue_with_certificates() -> ReceiveQueue:
+    """All BSMs carry a certificate, which the first three bytes of their payload name."""
+    return ReceiveQueue(
+        psid.LCCA, bsm_sender, lambda _: None, lambda each: each.payload[:3] or None
+    )
+
+
+def test_a_certificate_that_comes_again_waits_for_none_that_is_made_up() -> None:
+    queue = queue_with_certificates()
+    queue.put(certified(b"car", 1))
+    for number in range(1000):
+        queue.put(certified(number.to_bytes(3), 0))
+    queue.put(certified(b"car", 2))
+    for number in range(1000, 2000):
+        queue.put(certified(number.to_bytes(3), 0))
+
+    assert certified(b"car", 2) in [queue.take_unknown() for _ in range(3)]
+
+
+def test_an_answer_waits_for_neither_made_up_certificates_nor_repeated_ones() -> None:
+    queue = queue_with_certificates()
+    for number in range(1000):
+        queue.put(certified((number % 500).to_bytes(3), 0))
+    answer = wsm(psid.PEER_TO_PEER, 7)
+    queue.put(answer)
+
+    assert answer in [queue.take_unknown() for _ in range(3)]
+
+
+def test_repeated_certificates_take_turns() -> None:
+    queue = queue_with_certificates()
+    for number in (0, 1, 2, 3):
+        queue.put(certified(b"two", number))
+    for number in (0, 1):
+        queue.put(certified(b"car", number))
+
+    repeated = [certified(b"two", 1), certified(b"car", 1), certified(b"two", 2)]
+    assert [each for each in iter(queue.take_unknown, None) if each in repeated] == repeated
+    assert queue.take_dropped() == 0
