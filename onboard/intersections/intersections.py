@@ -3,7 +3,6 @@
 import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 from typing_extensions import override
@@ -14,14 +13,11 @@ from onboard.intersections.intersection import ApproachedSignal, Intersection
 from onboard.intersections.signal_phase import message_age_s
 from onboard.kinematics.geodesy import distance_m
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import map_data, spat
 from onboard.messages.lanes import IntersectionReferenceId
 from onboard.messages.map_data import IntersectionGeometry, MapData
 from onboard.messages.spat import Spat
 from onboard.observations import Discarded, Position
-from onboard.security.security_services import Opened
 from onboard.tracking.perceived_object import PerceivedObject
-from onboard.wave_udp import psid
 
 MAX_DISTANCE_M = 2000.0
 """Distance beyond which an intersection is refused: twice the range of a radio."""
@@ -68,23 +64,25 @@ class Intersections(Core):
         """Take the host vehicle's position, which says what is too far away."""
         self._position = position
 
-    def receive_message(self, service: int, opened: Opened, now: float, utc_s: float) -> None:
-        """Take an accepted message of a road-side unit.
+    def receive_map(self, message: MapData, signer_id: bytes | None, now: float) -> None:
+        """Take the lanes of intersections, from a road-side unit."""
+        for geometry in message.intersections or ():
+            try:
+                self._check_distance(geometry)
+                self._intersection(geometry.id).receive_map(geometry, signer_id, now)
+            except DecodeError as error:
+                self._discard("map", geometry.id, error, now)
 
-        Args:
-            service: its PSID, that of MAP or of SPAT messages.
-            opened: its content and signer.
-            now: the time.
-            utc_s: the same instant in seconds since 1970.
-        """
-        component = "map" if service == psid.MAP else "spat"
-        try:
-            if service == psid.MAP:
-                self._receive_map(_decoded_map(opened.payload), opened.signer_id, now)
-            else:
-                self._receive_spat(spat.decode(opened.payload), opened.signer_id, now, utc_s)
-        except DecodeError as error:
-            self._events.append(Discarded(now, component, error.reason, error.detail))
+    def receive_spat(
+        self, message: Spat, signer_id: bytes | None, now: float, utc_s: float
+    ) -> None:
+        """Take what the signals show, from a road-side unit, at `now`, which is `utc_s`."""
+        for state in message.intersections:
+            age_s = message_age_s(state, message.time_stamp_s, utc_s)
+            try:
+                self._intersection(state.id).receive_spat(state, age_s, signer_id, now, utc_s)
+            except DecodeError as error:
+                self._discard("spat", state.id, error, now)
 
     def receive_host_vehicle(
         self, host: PerceivedObject | None, frame: LocalFrame | None, now: float
@@ -129,24 +127,6 @@ class Intersections(Core):
         """Return the oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _receive_map(self, message: MapData, signer_id: bytes | None, now: float) -> None:
-        for geometry in message.intersections or ():
-            try:
-                self._check_distance(geometry)
-                self._intersection(geometry.id).receive_map(geometry, signer_id, now)
-            except DecodeError as error:
-                self._discard("map", geometry.id, error, now)
-
-    def _receive_spat(
-        self, message: Spat, signer_id: bytes | None, now: float, utc_s: float
-    ) -> None:
-        for state in message.intersections:
-            age_s = message_age_s(state, message.time_stamp_s, utc_s)
-            try:
-                self._intersection(state.id).receive_spat(state, age_s, signer_id, now, utc_s)
-            except DecodeError as error:
-                self._discard("spat", state.id, error, now)
-
     def _check_distance(self, geometry: IntersectionGeometry) -> None:
         here, there = self._position, geometry.ref_point
         if here is None or there.latitude_deg is None or there.longitude_deg is None:
@@ -169,10 +149,6 @@ class Intersections(Core):
     ) -> None:
         detail = f"intersection {intersection.id}: {error.detail}"
         self._events.append(Discarded(now, component, error.reason, detail))
-
-
-_decoded_map = lru_cache(maxsize=8)(map_data.decode)
-"""A unit repeats its MAP message every second; a large one takes some milliseconds."""
 
 
 def _as_event(signal: ApproachedSignal | None, now: float) -> SignalAhead:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from onboard.errors import DecodeError
+from onboard.core import Core
 from onboard.lcca.epoch_ids import CarIds, EpochIds
 from onboard.lcca.events import MeasuredLead, TrackedLead, WarningLevel, WarningRaised
 from onboard.lcca.group import WarningGroup
@@ -21,15 +21,17 @@ from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
 from onboard.misbehaviour.pending_warnings import PendingWarnings
 from onboard.misbehaviour.sender_check import sender_violation
-from onboard.observations import Discarded, Lead, LeadIdentity
+from onboard.observations import Discarded, HardBrake, Lead, LeadIdentity, Speed
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
-from onboard.security.security_services import Opened, SecurityServices
 from onboard.trace.trace_line import Event
 
 
 class LccaApplication:
-    """Sends and receives LCCA messages; the timers of its three cores are handled by the stack."""
+    """Sends and receives LCCA messages, in values; the timers of its cores are handled by others.
+
+    Its events are taken after each of these.
+    """
 
     def __init__(
         self,
@@ -39,7 +41,7 @@ class LccaApplication:
         rng: np.random.Generator,
         *,
         digest: PlateDigest,
-        security: SecurityServices,
+        utc_offset_s: float,
         misbehaviour: MisbehaviourDetector,
         claims: AlarmClaims | None = None,
     ) -> None:
@@ -51,25 +53,36 @@ class LccaApplication:
             pseudonym: the present identifiers.
             rng: for start values of sequence numbers and random delays.
             digest: derives communication IDs from plates.
-            security: knows UTC.
+            utc_offset_s: UTC in seconds since 1970 less `now`.
             misbehaviour: knows who uses which ID, and the BSMs of all signers.
             claims: knows which signers are credible; `None`: all are.
         """
         self._digest = digest
         self._epoch_ids = EpochIds(digest, plate)
-        self._security = security
+        self.utc_offset_s = utc_offset_s
         self._misbehaviour = misbehaviour
         self._claims = claims
         self.group = WarningGroup(parameters, pseudonym.car_id, rng)
         self.identification = Identification(pseudonym.car_id, pseudonym.temporary_id, rng)
-        self.pending_warnings = PendingWarnings(misbehaviour)
+        self._pending_warnings = PendingWarnings(misbehaviour)
+        self.cores: tuple[Core, ...] = (self._pending_warnings, self.identification, self.group)
+        """In the order of their timers."""
         self._lead: Lead | None = None
         self._events: deque[Event] = deque()
+
+    def receive_speed(self, speed: Speed, now: float) -> None:
+        """Take the own speed."""
+        self.identification.receive_speed(speed.speed_m_s, speed.stamp_s)
+        self.group.receive_speed(speed.speed_m_s, now)
+
+    def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
+        """Take a change of the own hard braking."""
+        self.group.receive_hard_brake(brake, now)
 
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Find out which car is the lead, and let the group follow it."""
         self._lead = lead
-        utc_s = self._security.utc_s(now)
+        utc_s = self._utc_s(now)
         tracked = TrackedLead.of(lead, lambda text: self._digest.car_id(text, utc_s))
         self.identification.receive_lead(tracked, now)
         self.follow_lead(now)
@@ -84,7 +97,7 @@ class LccaApplication:
             identity = self.identification.identity
             ids = CarIds(None if identity is None else identity.car_id)
             if identity is not None and identity.text is not None:
-                ids = self._epoch_ids.of(identity.text, self._security.utc_s(now))
+                ids = self._epoch_ids.of(identity.text, self._utc_s(now))
             vehicle = MeasuredLead(
                 ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
             )
@@ -98,24 +111,28 @@ class LccaApplication:
 
     def prepare_next_epoch(self, now: float) -> None:
         """Tell the group the own ID of the next epoch when that is near."""
-        next_id = self._epoch_ids.own_next(self._security.utc_s(now))
+        next_id = self._epoch_ids.own_next(self._utc_s(now))
         if next_id is not None:
             self.group.receive_next_own_id(next_id)
 
-    def receive_message(self, opened: Opened, heading_rad: float | None, now: float) -> None:
+    def receive_message(
+        self,
+        message: lcca.LccaMessage,
+        signer: bytes | None,
+        made_at_s: float,
+        now: float,
+        *,
+        heading_rad: float | None = None,
+    ) -> None:
         """Take an LCCA message from the air, to whichever vehicle it is addressed.
 
         Args:
-            opened: the message; it is verified if there are keys.
-            heading_rad: of the host vehicle, clockwise from north; `None` if it is not known.
+            message: as decoded.
+            signer: its signer; `None` if it is not signed.
+            made_at_s: when it was generated by its sender's clock, as a time of the cores.
             now: time of reception.
+            heading_rad: of the host vehicle, clockwise from north; `None` if it is not known.
         """
-        try:
-            message = lcca.decode(opened.payload)
-        except DecodeError as error:
-            self._discard(error.reason, error.detail, now)
-            return
-        signer = opened.signer_id
         self._events.append(MessageReceived(now, message.kind, signer, lcca.as_dict(message)))
         if signer is not None:
             self._misbehaviour.receive_car_id(signer, message.sender_id)
@@ -125,15 +142,18 @@ class LccaApplication:
             case _ if signer is not None and self._refuses(message, signer, heading_rad, now):
                 pass
             case lcca.Warn():
-                made_at_s = self._security.made_at_s(opened, now)
-                self.pending_warnings.receive_warning(message, signer, made_at_s, now)
+                self._pending_warnings.receive_warning(message, signer, made_at_s, now)
             case _:
                 self._receive_group_message(message, now)
+
+    def check_pending_warnings(self, now: float) -> None:
+        """Check the warnings that wait against the BSMs of their vehicles, after a BSM."""
+        self._pending_warnings.handle_timer(now)
 
     def take_events(self, now: float) -> Iterator[Event]:
         """Yield what has happened; the group gets a warning after the events of the one before."""
         yield from self._taken()
-        while (passed := self.pending_warnings.next_warning()) is not None:
+        while (passed := self._pending_warnings.next_warning()) is not None:
             warning, signer = passed
             if self._claims is not None:
                 self._claims.receive_warn(warning, signer)
@@ -142,7 +162,7 @@ class LccaApplication:
 
     def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
         """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
-        lead_text, utc_s = self._lead_text, self._security.utc_s(now)
+        lead_text, utc_s = self._lead_text, self._utc_s(now)
         return [
             *(
                 self._epoch_ids.to_send(message, lead_text, utc_s)
@@ -172,7 +192,7 @@ class LccaApplication:
             message.sender_id
         ):
             message = message.without_acknowledgement()
-        clear = self._epoch_ids.received(message, self._lead_text, self._security.utc_s(now))
+        clear = self._epoch_ids.received(message, self._lead_text, self._utc_s(now))
         self.group.receive_message(clear, now)
 
     def _refuses(
@@ -208,6 +228,9 @@ class LccaApplication:
         """Plate of the lead, if it is identified by it."""
         identity = self.identification.identity
         return None if identity is None else identity.text
+
+    def _utc_s(self, now: float) -> float:
+        return now + self.utc_offset_s
 
     def _discard(self, reason: str, detail: str, now: float) -> None:
         self._events.append(Discarded(now, "lcca", reason, detail))

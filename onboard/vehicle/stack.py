@@ -1,63 +1,37 @@
-"""The cores of one vehicle, connected, still without I/O.
+"""One vehicle on its wires, still without I/O: bytes, signatures and frames around a `Vehicle`.
 
 `Stack.step` is the one place where a vehicle receives, decides and sends. The daemon, the rig in
 virtual time and both replays call it.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from onboard.access.adaptation import AccessAdaptation, ReactionObserved
-from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.brake_request.brake_requester import BrakeRequester
-from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
-from onboard.core import Core
+from onboard.access.driver_model import DriverModel
 from onboard.errors import DecodeError
-from onboard.intersections.intersections import Intersections
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
-from onboard.messages import bsm, lcca, sdsm
-from onboard.messages.bsm_core import VehicleSize
+from onboard.messages import bsm, lcca, map_data, sdsm, spat
+from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.exchanged import MessageSent
-from onboard.misbehaviour.alarm_claims import AlarmClaims
-from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
-from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.settings import SharedIn
+from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import (
-    BrakeCause,
-    BrakePedal,
-    DetectionList,
-    Discarded,
-    HardBrake,
-    Lead,
-    Position,
-    Sensor,
-    Speed,
-    TurnSignal,
-    VehicleDetection,
-)
-from onboard.risk.alarm import Assessment, Cause
-from onboard.risk.monitor import RiskMonitor
+from onboard.observations import BrakeCause, Discarded, HardBrake, Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
-from onboard.security.pseudonyms import CertificateExpired, Pseudonym, Pseudonyms
+from onboard.security.pseudonyms import CertificateExpired, Pseudonyms
 from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
-from onboard.sensors.host_sensors import HostSensors
-from onboard.step import BrakeButton, Input, Observation, ReceivedWsm, SentWsm, StepOutputs
-from onboard.trace.trace_line import Event
-from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
+from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs
+from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.lcca_application import LccaApplication
+from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, Vehicle
 from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -71,22 +45,27 @@ LCCA_LIFETIME_S = 0.5
 BSM_LIFETIME_S = 0.1
 """Time a BSM may wait for the radio: the shortest interval to the next one (SAE J2945/1)."""
 
-ASSESSMENT_INTERVAL_S = 0.1
-"""Period of the risk assessment: that of BSMs."""
 
-SURROUNDINGS_INTERVAL_S = 1.0
-"""Period at which host vehicle and perceived objects are put out as events."""
+class _Codec(NamedTuple):
+    """How the messages of a service are decoded."""
+
+    component: str
+    """Which discards those that cannot be."""
+    decode: Callable[[bytes], ReceivedMessage]
 
 
-class _Stage(NamedTuple):
-    """A core, and the function that passes its results on to the other cores."""
-
-    core: Core
-    pass_on: Callable[[float], None]
+_CODECS: Mapping[int, _Codec] = {
+    psid.BSM: _Codec("bsm", bsm.decode),
+    psid.SENSOR_SHARING: _Codec("sdsm", sdsm.decode),
+    # A road-side unit repeats its MAP message every second; a large one takes some milliseconds.
+    psid.MAP: _Codec("map", lru_cache(maxsize=8)(map_data.decode)),
+    psid.SPAT: _Codec("spat", spat.decode),
+}
+"""By PSID; that of LCCA is configured."""
 
 
 class Stack:
-    """One vehicle."""
+    """One vehicle, its bus, its radio and its certificates."""
 
     def __init__(
         self,
@@ -116,82 +95,27 @@ class Stack:
             signals: those that the vehicle broadcasts on its bus.
         """
         self._config = config
+        self._codecs = {**_CODECS, config.lcca_psid: _Codec("lcca", lcca.decode)}
         self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
         self._pseudonym = self._pseudonyms.at(utc_s)
-        self._misbehaviour_detector = MisbehaviourDetector(
-            check_braking=config.security.check_braking
-        )
         self._bus = VehicleBus(config.obd, signals)
-        self._link = WaveLink(self._security, (*psid.J2735, config.lcca_psid))
-        sensors = tuple(sensors)
-        self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
-        self._claims: AlarmClaims | None = None
-        if credentials is not None and config.security.check_braking:
-            self._claims = AlarmClaims(
-                self._misbehaviour_detector.signer_of,
-                self._security.is_road_side_unit,
-                has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
-            )
-        self._lcca = LccaApplication(
-            config.lcca.parameters(),
-            config.car.plate,
-            self._pseudonym,
+        self._link = WaveLink(self._security, self._codecs)
+        self._vehicle = Vehicle(
+            config,
+            tuple(sensors),
             rng,
+            now=now,
+            utc_offset_s=utc_s - now,
+            pseudonym=self._pseudonym,
             digest=self._digest,
-            security=self._security,
-            misbehaviour=self._misbehaviour_detector,
-            claims=self._claims,
+            driver=driver,
+            is_road_side_unit=None if credentials is None else self._security.is_road_side_unit,
+            bus=self._bus,
+            link=self._link,
         )
-        self._place: TwoDLocation | None = None
-        size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
-        self._transmitter = BsmTransmitter(size, self._pseudonym, rng, now)
-        self._mvs = MultiVehicleSensing(
-            config.mvs, self._pseudonym.temporary_id, rng, self._security.utc_offset_s
-        )
-        self._access = (
-            AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
-            if config.access.enabled
-            else None
-        )
-        self._intersections = Intersections()
-        self._risk = RiskMonitor(
-            config.risk, config.car.length_m, config.car.width_m, self._permits
-        )
-        self._take_reaction_time()
-        self._brake_requester = (
-            BrakeRequester(config.brake_request) if config.brake_request is not None else None
-        )
-        self._assess_at = self._report_surroundings_at = now
-        self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
-        self._events: deque[Event] = deque()
         self._use_credential(now)
-        self._stages = tuple(self._make_stages())
-
-    def _make_stages(self) -> Iterable[_Stage]:
-        """Yield all cores, from the wires to the decisions.
-
-        Timers are handled in this order. Events are collected in the reverse order: a decision
-        precedes the reports of the cores that it is based on.
-        """
-        if self._config.beacons:  # without, its timer would stay due: no BSM is ever taken
-            yield _Stage(self._transmitter, _pass_nothing_on)
-        if self._access is not None:
-            yield _Stage(self._access, self._take_access)
-        yield _Stage(self._bus, self._take_bus)
-        if self._brake_requester is not None:
-            yield _Stage(self._brake_requester, _pass_nothing_on)
-        if self._claims is not None:
-            yield _Stage(self._claims.credibility, _pass_nothing_on)
-        yield _Stage(self._risk, _pass_nothing_on)
-        yield _Stage(self._intersections, _pass_nothing_on)
-        yield _Stage(self._mvs, _pass_nothing_on)
-        yield _Stage(self._link, _pass_nothing_on)
-        yield _Stage(self._sensors, _pass_nothing_on)
-        yield _Stage(self._lcca.pending_warnings, self._take_lcca)
-        yield _Stage(self._lcca.identification, _pass_nothing_on)
-        yield _Stage(self._lcca.group, self._take_lcca)
 
     @property
     def digest(self) -> PlateDigest:
@@ -201,17 +125,17 @@ class Stack:
     @property
     def group(self) -> WarningGroup:
         """Warning group, for display."""
-        return self._lcca.group
+        return self._vehicle.group
 
     @property
     def identification(self) -> Identification:
         """Identification of the lead, for display."""
-        return self._lcca.identification
+        return self._vehicle.identification
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
-        return self._surroundings
+        return self._vehicle.surroundings
 
     def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
         """See `WaveLink`."""
@@ -231,37 +155,36 @@ class Stack:
         """
         if utc_s is not None:
             self._security.utc_offset_s = utc_s - now
-            self._mvs.set_utc_offset(utc_s - now)
+            self._vehicle.set_utc_offset(utc_s - now)
         for each in inputs:
             self._receive(each, now)
         if self.get_timer() <= now:
             self._handle_timer(now)
         wsms = self._wsms_to_send(now)
         can_frames = self._bus.frames_to_send(now)
-        return StepOutputs(wsms, can_frames, self._take_events(), self.get_timer())
+        events = list(iter(self._vehicle.next_event, None))
+        return StepOutputs(wsms, can_frames, events, self.get_timer())
 
     def get_timer(self) -> float:
         """Return when the next step is due without any input; `math.inf` if never."""
-        return min(self._assess_at, *(stage.core.get_timer() for stage in self._stages))
+        return self._vehicle.get_timer()
 
     def _handle_timer(self, now: float) -> None:
         pseudonym = self._pseudonyms.at(self._security.utc_s(now))
         if pseudonym is not self._pseudonym:
-            self._change_pseudonym(pseudonym, now)
-        self._lcca.prepare_next_epoch(now)
-        if now >= self._assess_at:
-            self._assess(now)
-        for core, pass_on in self._stages:
-            core.handle_timer(now)
-            pass_on(now)
+            self._pseudonym = pseudonym
+            self._vehicle.change_pseudonym(pseudonym, now)
+            self._use_credential(now)
+        self._vehicle.handle_timer(now)
 
-    def _take_events(self) -> list[Event]:
-        for core, _ in reversed(self._stages):
-            while (event := core.next_event()) is not None:
-                self._events.append(event)
-        events = list(self._events)
-        self._events.clear()
-        return events
+    def _use_credential(self, now: float) -> None:
+        credential = self._pseudonym.credential
+        if credential is None:
+            return
+        self._security.sign_with(credential)
+        if self._pseudonym.is_out_of_date(self._security.utc_s(now)):
+            until_utc_s = credential.certificate.subject.valid_until_utc_s
+            self._vehicle.put_out(CertificateExpired(now, until_utc_s))
 
     # ---- in -------------------------------------------------------------------------------
 
@@ -271,264 +194,77 @@ class Stack:
                 self._receive_wsm(received.data, now)
             case CanFrame():
                 self._bus.receive_frame(received, now)
-                self._take_bus(now)
+                self._vehicle.take_bus(now)
             case BrakeButton():
                 threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
                 test = HardBrake(now, threshold_m_s2, "button", BrakeCause.TEST)
-                self._receive_observation(test, now)
+                self._vehicle.receive_observation(test, now)
             case _:
-                self._receive_observation(received, now)
-
-    def _receive_observation(self, observation: Observation, now: float) -> None:
-        if not self._sensors.receive_observation(observation, now):
-            return
-        match observation:
-            case Speed():
-                self._receive_speed(observation, now)
-            case BrakePedal():
-                self._transmitter.receive_pedal(observation)
-                self._risk.receive_pedal(observation)
-            case TurnSignal():
-                self._transmitter.receive_turn_signal(observation)
-                self._risk.receive_turn_signal(observation)
-            case HardBrake():
-                self._lcca.group.receive_hard_brake(observation, now)
-                self._transmitter.receive_hard_brake(observation, now)
-            case Lead():
-                self._receive_lead(observation, now)
-            case Position():
-                self._place = TwoDLocation(observation.latitude_deg, observation.longitude_deg)
-                self._transmitter.receive_position(observation)
-                self._mvs.receive_position(observation)
-                self._risk.receive_position(observation)
-                self._intersections.receive_position(observation)
-            case VehicleDetection():
-                self._mvs.receive_detection(observation)
-            case DetectionList():
-                for detection in observation.cars:
-                    self._mvs.receive_detection(detection)
-        if self._access is not None:
-            self._access.receive_observation(observation, now)
-            self._take_access(now)
-        self._events.append(observation)
-
-    def _receive_speed(self, speed: Speed, now: float) -> None:
-        if self._claims is not None:
-            self._claims.receive_speed(speed.speed_m_s, now)
-        self._lcca.identification.receive_speed(speed.speed_m_s, speed.stamp_s)
-        self._lcca.group.receive_speed(speed.speed_m_s, now)
-        self._transmitter.receive_speed(speed)
-        self._risk.receive_speed(speed)
-        if self._brake_requester is not None:
-            self._brake_requester.receive_speed(speed)
-
-    def _receive_lead(self, lead: Lead, now: float) -> None:
-        if self._claims is not None:
-            self._claims.receive_lead(lead, now)
-        self._lcca.receive_lead(lead, now)
-        self._risk.receive_lead(lead, now)
-        self._request_braking(now)
+                self._vehicle.receive_observation(received, now)
 
     def _receive_wsm(self, data: bytes, now: float) -> None:
         received = self._link.receive_wsm(data, now)
         if received is None:
             return
         service, opened = received
-        match service:
-            case psid.BSM:
-                self._receive_bsm(opened, now)
-            case _ if self._is_outside_region(opened, self._place, now):
-                pass
-            case psid.SENSOR_SHARING:
-                self._receive_sdsm(opened, now)
-            case psid.MAP | psid.SPAT:
-                self._intersections.receive_message(service, opened, now, self._security.utc_s(now))
-            case _:
-                heading = self._mvs.heading(now)
-                heading_rad = None if heading is None else heading.heading_rad
-                self._lcca.receive_message(opened, heading_rad, now)
-                self._take_lcca(now)
+        if service != psid.BSM and self._is_outside_region(opened, self._own_place(), now):
+            return
+        component, decode = self._codecs[service]
+        try:
+            message = decode(opened.payload)
+        except DecodeError as error:
+            self._vehicle.put_out(Discarded(now, component, error.reason, error.detail))
+            return
+        if isinstance(message, BasicSafetyMessage):
+            place = _place_in(message) or self._own_place()
+            if self._is_outside_region(opened, place, now):
+                return
+        made_at_s = self._security.made_at_s(opened, now)
+        self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
 
     def _is_outside_region(self, opened: Opened, place: TwoDLocation | None, now: float) -> bool:
         """Whether a message comes from where its certificate is not valid."""
         if opened.is_valid_at(place):
             return False
         reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
-        self._events.append(Discarded(now, "security", reason, f"from {signer.hex()}"))
+        self._vehicle.put_out(Discarded(now, "security", reason, f"from {signer.hex()}"))
         return True
 
-    def _receive_bsm(self, opened: Opened, now: float) -> None:
-        try:
-            message = bsm.decode(opened.payload)
-        except DecodeError as error:
-            self._events.append(Discarded(now, "bsm", error.reason, error.detail))
-            return
-        core = message.core
-        place = self._place
-        if core.latitude_deg is not None and core.longitude_deg is not None:
-            place = TwoDLocation(core.latitude_deg, core.longitude_deg)
-        if self._is_outside_region(opened, place, now):
-            return
-        sender = opened.signer_id or core.temporary_id
-        reason = self._misbehaviour_detector.receive_bsm(
-            sender, message, self._security.made_at_s(opened, now), now
-        )
-        self._lcca.pending_warnings.handle_timer(now)
-        self._take_lcca(now)
-        if reason is not None:
-            self._events.append(Discarded(now, "bsm", reason, f"from {core.temporary_id.hex()}"))
-            return
-        position = position_in(core, now, self._security.utc_offset_s)
-        remote_id = self._misbehaviour_detector.remote_id(sender, core.temporary_id)
-        if remote_id != core.temporary_id:
-            # Footers name the sources of measurements by temporary ID: two cannot have one.
-            message = replace(message, core=replace(core, temporary_id=remote_id), footer=None)
-        is_used = self._mvs.receive_bsm(
-            remote_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
-        )
-        self._transmitter.receive_remote_vehicle(sender, position, now)
-        if is_used:
-            self._risk.receive_bsm(message, now)
-        if core.speed_m_s is not None:
-            self._lcca.identification.receive_speed_on_air(
-                sender, core.temporary_id, core.speed_m_s, now
-            )
-
-    def _receive_sdsm(self, opened: Opened, now: float) -> None:
-        try:
-            message = sdsm.decode(opened.payload)
-        except DecodeError as error:
-            self._events.append(Discarded(now, "sdsm", error.reason, error.detail))
-            return
-        source_id = message.source_id
-        signer = opened.signer_id or source_id
-        if self._misbehaviour_detector.remote_id(signer, source_id) != source_id:
-            detail = f"from {source_id.hex()}"
-            self._events.append(Discarded(now, "sdsm", "implausible_identity", detail))
-            return
-        self._mvs.receive_sdsm(message, now)
+    def _own_place(self) -> TwoDLocation | None:
+        fix = self._vehicle.position
+        return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
 
     # ---- out ------------------------------------------------------------------------------
 
     def _wsms_to_send(self, now: float) -> list[SentWsm]:
-        self._submit_lcca_messages(now)
-        if self._config.beacons and self._transmitter.take_due(now):
-            self._submit_bsm(now)
+        for message in self._vehicle.messages_to_send(now):
+            self._submit(message, now)
         return [
             SentWsm(now, user_priority, data)
             for user_priority, data in self._link.wsms_to_send(now)
         ]
 
-    def _submit_lcca_messages(self, now: float) -> None:
-        for message in self._lcca.messages_to_send(now):
-            size_bytes = self._link.submit(
-                lcca.encode(message),
-                self._config.lcca_psid,
-                message.user_priority,
-                LCCA_LIFETIME_S,
-                now,
-            )
-            self._events.append(
-                MessageSent(
-                    now, message.kind, message.user_priority, size_bytes, lcca.as_dict(message)
-                )
-            )
+    def _submit(self, message: SentMessage, now: float) -> None:
+        priority = message.user_priority
+        match message:
+            case BasicSafetyMessage():
+                self._link.submit(bsm.encode(message), psid.BSM, priority, BSM_LIFETIME_S, now)
+            case SensorDataSharingMessage():
+                data = sdsm.encode(message)
+                self._link.submit(data, psid.SENSOR_SHARING, priority, BSM_LIFETIME_S, now)
+            case _:
+                self._submit_lcca(message, now)
 
-    def _submit_bsm(self, now: float) -> None:
-        shared_in, footer = self._config.mvs.shared_in, None
-        if shared_in is not SharedIn.SDSM:
-            footer = self._mvs.footer_to_send(now) or None
-        heading = self._mvs.heading(now)
-        heading_rad = None if heading is None else heading.heading_rad
-        utc_s = self._security.utc_s(now)
-        message = self._transmitter.bsm(footer, now, utc_s, heading_rad)
-        self._link.submit(bsm.encode(message), psid.BSM, message.user_priority, BSM_LIFETIME_S, now)
-        if shared_in is not SharedIn.FOOTER:
-            self._submit_sdsm(now)
-
-    def _submit_sdsm(self, now: float) -> None:
-        message = self._mvs.sdsm_to_send(now)
-        if message is not None:
-            data, priority = sdsm.encode(message), message.user_priority
-            self._link.submit(data, psid.SENSOR_SHARING, priority, BSM_LIFETIME_S, now)
-
-    # ---- between the cores ----------------------------------------------------------------
-
-    def _assess(self, now: float) -> None:
-        """Assess the risk from the current states of all vehicles."""
-        self._assess_at = now + ASSESSMENT_INTERVAL_S
-        self._mvs.update(now)
-        host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
-        self._surroundings = (host_vehicle, perceived_objects)
-        self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
-        red_light_m = self._intersections.red_light_m
-        heading = self._mvs.heading(now)
-        if self._claims is not None:
-            perceived_objects = self._claims.alarming(perceived_objects, now)
-        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
-        self._request_braking(now)
-        self._lcca.identification.receive_offsets(
-            {}
-            if host_vehicle is None or heading is None
-            else remote_offsets_m(host_vehicle, self._surroundings[1], heading.heading_rad)
+    def _submit_lcca(self, message: lcca.LccaMessage, now: float) -> None:
+        data, priority = lcca.encode(message), message.user_priority
+        size_bytes = self._link.submit(data, self._config.lcca_psid, priority, LCCA_LIFETIME_S, now)
+        self._vehicle.put_out(
+            MessageSent(now, message.kind, priority, size_bytes, lcca.as_dict(message))
         )
-        if now >= self._report_surroundings_at:
-            self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
-            if host_vehicle is not None:
-                self._events.extend([host_vehicle, *self._surroundings[1]])
-
-    def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
-        return self._claims is None or self._claims.permits(cause, assessment, now)
-
-    def _request_braking(self, now: float) -> None:
-        if self._brake_requester is not None:
-            self._brake_requester.assess(self._risk.assessments, now)
-
-    def _take_access(self, now: float) -> None:
-        access = self._access
-        if access is None:
-            return
-        self._transmitter.receive_max_interval(access.longest_interval_s, now)
-        while (event := access.next_event()) is not None:
-            self._events.append(event)
-            if isinstance(event, ReactionObserved):
-                self._take_reaction_time()
-
-    def _take_reaction_time(self) -> None:
-        if self._access is not None and self._access.reaction_s is not None:
-            self._risk.receive_reaction_time(self._access.reaction_s)
-
-    def _change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
-        """Change all identifiers at once, so that nothing links the old ones to the new ones."""
-        self._pseudonym = pseudonym
-        self._lcca.change_pseudonym(pseudonym, now)
-        self._transmitter.change_identity(pseudonym, now)
-        self._mvs.set_own_id(pseudonym.temporary_id)
-        self._use_credential(now)
-        self._lcca.follow_lead(now)
-
-    def _use_credential(self, now: float) -> None:
-        credential = self._pseudonym.credential
-        if credential is None:
-            return
-        self._security.sign_with(credential)
-        if self._pseudonym.is_out_of_date(self._security.utc_s(now)):
-            until_utc_s = credential.certificate.subject.valid_until_utc_s
-            self._events.append(CertificateExpired(now, until_utc_s))
-
-    def _take_bus(self, now: float) -> None:
-        while (observation := self._bus.next_event()) is not None:
-            self._receive_observation(observation, now)
-
-    def _take_lcca(self, now: float) -> None:
-        for event in self._lcca.take_events(now):
-            self._events.append(event)
-            if isinstance(event, WarningRaised | WarningLevel | WarningOver):
-                self._risk.receive_warning(event, now)
-                if self._brake_requester is not None:
-                    self._brake_requester.receive_warning(event)
-                    self._request_braking(now)
 
 
-def _pass_nothing_on(_now: float) -> None:
-    """Pass nothing on: the core's events are only put out."""
+def _place_in(message: BasicSafetyMessage) -> TwoDLocation | None:
+    core = message.core
+    if core.latitude_deg is None or core.longitude_deg is None:
+        return None
+    return TwoDLocation(core.latitude_deg, core.longitude_deg)

@@ -11,9 +11,7 @@ from onboard.messages import map_data, spat
 from onboard.messages.lanes import IntersectionReferenceId
 from onboard.messages.spat import IntersectionStatus
 from onboard.observations import Position
-from onboard.security.security_services import Opened
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
-from onboard.wave_udp import psid
 from tests.intersections.test_signal_phase import GREEN, RED, SENT_UTC_S
 from tests.messages.crossing_messages import ID, crossing_map, crossing_spat, lane, movement
 
@@ -39,9 +37,11 @@ class Listener:
         self.core.receive_host_vehicle(None, FRAME, 0.0)
 
     def hears(self, message, at_s=0.0, signer=UNIT):
-        service = psid.MAP if message.kind == "map" else psid.SPAT
-        payload = (map_data if service == psid.MAP else spat).encode(message)
-        self.core.receive_message(service, Opened(payload, signer, None), at_s, SENT_UTC_S + at_s)
+        if message.kind == "map":
+            self.core.receive_map(map_data.decode(map_data.encode(message)), signer, at_s)
+        else:
+            received = spat.decode(spat.encode(message))
+            self.core.receive_spat(received, signer, at_s, SENT_UTC_S + at_s)
         return [f"{each.component} {each.reason}" for each in self.events()]
 
     def events(self):
@@ -259,14 +259,6 @@ def test_two_units_that_contradict_each_other_are_both_not_believed(listener):
 def test_two_units_that_agree_are_believed(listener):
     assert listener.hears(crossing_spat(), signer=OTHER_UNIT) == []
     assert listener.states(EASTWARDS) == [GREEN]
-
-
-def test_bytes_that_are_no_message_are_discarded():
-    one = Listener()
-    for service, reason in ((psid.MAP, "map not_a_map"), (psid.SPAT, "spat too_short")):
-        one.core.receive_message(service, Opened(b"\x00\x13", None, None), 0.0, 0.0)
-        one.core.receive_message(service, Opened(b"\x00\x13\x01\x00", None, None), 0.0, 0.0)
-        assert reason in [f"{each.component} {each.reason}" for each in one.events()]
 
 
 def test_only_the_intersections_heard_last_are_kept(monkeypatch, listener):

@@ -6,6 +6,7 @@ import pytest
 from onboard.kinematics.units import KM_H
 from onboard.observations import (
     DetectionList,
+    Discarded,
     Position,
     Sensor,
     SensorLost,
@@ -13,12 +14,15 @@ from onboard.observations import (
     Speed,
     VehicleDetection,
 )
+from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.decode.describe import describe
 from onboard.trace.trace_line import Event, as_record
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.vehicle.platoon import Platoon, car
 
 
@@ -76,6 +80,27 @@ def test_malformed_frames_are_discarded_and_the_vehicle_drives_on(
     first = next(platoon.events_of("BBB2", "discarded"))
     assert as_record(first)["component"] == component
     assert next(platoon.events_of("BBB2", "transition"), None) is not None
+
+
+@pytest.mark.parametrize(
+    ("service", "payload", "discarded"),
+    [
+        (psid.BSM, b"?", "bsm too_short"),
+        (psid.SENSOR_SHARING, b"?", "sdsm too_short"),
+        (psid.MAP, b"\x00\x13\x01\x00", "map not_a_map"),
+        (psid.SPAT, b"\x00\x13", "spat too_short"),
+        (psid.LCCA, b"?", "lcca too_short"),
+    ],
+)
+def test_bytes_that_are_no_message_are_discarded_under_their_service(
+    service: int, payload: bytes, discarded: str
+) -> None:
+    wsm = wsmp.encode(WaveShortMessage(service, ieee1609dot2.encode_unsecured(payload)))
+    events = car("AAA1").step([ReceivedWsm(0.0, wsm)], 0.0).events
+
+    assert [
+        f"{each.component} {each.reason}" for each in events if isinstance(each, Discarded)
+    ] == [discarded]
 
 
 def test_a_vehicle_without_samples_reports_its_lost_sensors() -> None:

@@ -1,0 +1,452 @@
+"""The cores of one vehicle, connected, in values: the function that it has, without wires.
+
+A `Vehicle` is given observations and decoded messages, and puts out messages to send and events.
+It knows no bytes, frames or signatures; `Stack` has these. Studies drive it too.
+"""
+
+from collections import deque
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from typing_extensions import override
+
+from onboard.access.adaptation import AccessAdaptation, ReactionObserved
+from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.brake_request.brake_requester import BrakeRequester
+from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
+from onboard.core import Core
+from onboard.intersections.intersections import Intersections
+from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
+from onboard.lcca.group import WarningGroup
+from onboard.lcca.identification import Identification
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.lcca import LccaMessage
+from onboard.messages.map_data import MapData
+from onboard.messages.sdsm import SensorDataSharingMessage
+from onboard.messages.spat import Spat
+from onboard.misbehaviour.alarm_claims import AlarmClaims
+from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.settings import SharedIn
+from onboard.observations import (
+    BrakePedal,
+    DetectionList,
+    Discarded,
+    HardBrake,
+    Lead,
+    Position,
+    Sensor,
+    Speed,
+    TurnSignal,
+    VehicleDetection,
+)
+from onboard.risk.alarm import Assessment, Cause
+from onboard.risk.monitor import RiskMonitor
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_sensors import HostSensors
+from onboard.step import Observation
+from onboard.trace.trace_line import Event
+from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
+from onboard.vehicle.config import CarConfig
+from onboard.vehicle.lcca_application import LccaApplication
+
+ASSESSMENT_INTERVAL_S = 0.1
+"""Period of the risk assessment: that of BSMs."""
+
+SURROUNDINGS_INTERVAL_S = 1.0
+"""Period at which host vehicle and perceived objects are put out as events."""
+
+SentMessage = BasicSafetyMessage | SensorDataSharingMessage | LccaMessage
+ReceivedMessage = SentMessage | MapData | Spat
+
+
+class ObservationSource(Protocol):
+    """A core that puts out observations only."""
+
+    def get_timer(self) -> float:
+        """See `Core`."""
+
+    def handle_timer(self, now: float) -> None:
+        """See `Core`."""
+
+    def next_event(self) -> Observation | None:
+        """Remove and return the oldest observation; `None` when there is none."""
+
+
+class Vehicle(Core):
+    """One vehicle, in values."""
+
+    def __init__(
+        self,
+        config: CarConfig,
+        sensors: Collection[Sensor],
+        rng: np.random.Generator,
+        *,
+        now: float,
+        utc_offset_s: float,
+        pseudonym: Pseudonym,
+        digest: PlateDigest,
+        driver: DriverModel | None = None,
+        is_road_side_unit: Callable[[bytes], bool] | None = None,
+        bus: ObservationSource | None = None,
+        link: Core | None = None,
+    ) -> None:
+        """Start at `now`.
+
+        Args:
+            config: settings of the vehicle.
+            sensors: those fitted, which can time out.
+            rng: source of all random draws.
+            now: time on the clock of the cores in s.
+            utc_offset_s: UTC in seconds since 1970 less that time.
+            pseudonym: the present identifiers.
+            digest: derives vehicle IDs from plates.
+            driver: model learnt in earlier drives; the population's mean if not given.
+            is_road_side_unit: whether a signer is one; `None` if messages are not signed: nobody's
+                credibility is then known.
+            bus: puts out observations; its timer has its place among those of the other cores.
+            link: the radio's core, whose timer and events have theirs.
+        """
+        self._config = config
+        self._utc_offset_s = utc_offset_s
+        self._bus = bus
+        self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
+        self._misbehaviour = MisbehaviourDetector(check_braking=config.security.check_braking)
+        self._claims: AlarmClaims | None = None
+        if is_road_side_unit is not None and config.security.check_braking:
+            self._claims = AlarmClaims(
+                self._misbehaviour.signer_of,
+                is_road_side_unit,
+                has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
+            )
+        self._lcca = LccaApplication(
+            config.lcca.parameters(),
+            config.car.plate,
+            pseudonym,
+            rng,
+            digest=digest,
+            utc_offset_s=utc_offset_s,
+            misbehaviour=self._misbehaviour,
+            claims=self._claims,
+        )
+        size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
+        self._transmitter = BsmTransmitter(size, pseudonym, rng, now)
+        self._mvs = MultiVehicleSensing(config.mvs, pseudonym.temporary_id, rng, utc_offset_s)
+        self._access = (
+            AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
+            if config.access.enabled
+            else None
+        )
+        self._intersections = Intersections()
+        self._risk = RiskMonitor(
+            config.risk, config.car.length_m, config.car.width_m, self._permits
+        )
+        self._take_reaction_time()
+        self._brake_requester = (
+            BrakeRequester(config.brake_request) if config.brake_request is not None else None
+        )
+        self._position: Position | None = None
+        self._assess_at = self._report_surroundings_at = now
+        self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
+        self._events: deque[Event] = deque()
+        self._cores = tuple(self._all_cores(link))
+
+    def _all_cores(self, link: Core | None) -> Iterator[Core | ObservationSource]:
+        """Yield all cores, from the wires to the decisions.
+
+        Timers are handled in this order. Events are put out in the reverse order: a decision
+        precedes the reports of the cores that it is based on.
+        """
+        if self._config.beacons:  # without, its timer would stay due: no BSM is ever taken
+            yield self._transmitter
+        if self._access is not None:
+            yield self._access
+        if self._bus is not None:
+            yield self._bus
+        if self._brake_requester is not None:
+            yield self._brake_requester
+        if self._claims is not None:
+            yield self._claims.credibility
+        yield from (self._risk, self._intersections, self._mvs)
+        if link is not None:
+            yield link
+        yield self._sensors
+        yield from self._lcca.cores
+
+    @property
+    def group(self) -> WarningGroup:
+        """Warning group, for display."""
+        return self._lcca.group
+
+    @property
+    def identification(self) -> Identification:
+        """Identification of the lead, for display."""
+        return self._lcca.identification
+
+    @property
+    def position(self) -> Position | None:
+        """The last one of the own receiver."""
+        return self._position
+
+    @property
+    def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
+        """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
+        return self._surroundings
+
+    def set_utc_offset(self, utc_offset_s: float) -> None:
+        """Set UTC less the time of the cores, which messages and IDs need."""
+        self._utc_offset_s = utc_offset_s
+        self._lcca.utc_offset_s = utc_offset_s
+        self._mvs.set_utc_offset(utc_offset_s)
+
+    def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
+        """Change all identifiers at once, so that nothing links the old ones to the new ones."""
+        self._lcca.change_pseudonym(pseudonym, now)
+        self._transmitter.change_identity(pseudonym, now)
+        self._mvs.set_own_id(pseudonym.temporary_id)
+        self._lcca.follow_lead(now)
+
+    # ---- time and events ------------------------------------------------------------------
+
+    @override
+    def get_timer(self) -> float:
+        """Return when `handle_timer` is next due."""
+        return min(self._assess_at, *(core.get_timer() for core in self._cores))
+
+    @override
+    def handle_timer(self, now: float) -> None:
+        """Assess the risk if that is due, and handle the timers of all cores."""
+        self._lcca.prepare_next_epoch(now)
+        if now >= self._assess_at:
+            self._assess(now)
+        for core in self._cores:
+            core.handle_timer(now)
+            self._pass_on(core, now)
+
+    def _pass_on(self, core: Core | ObservationSource, now: float) -> None:
+        """Take from a core what others are given; the events of most are only put out."""
+        if core is self._access:
+            self._take_access(now)
+        elif core is self._bus:
+            self.take_bus(now)
+        elif core in self._lcca.cores:
+            self._take_lcca(now)
+
+    @override
+    def next_event(self) -> Event | None:
+        """Return the oldest event not yet taken; after those in order of time, each core's own."""
+        if self._events:
+            return self._events.popleft()
+        events = (core.next_event() for core in reversed(self._cores))
+        return next((event for event in events if event is not None), None)
+
+    def put_out(self, event: Event) -> None:
+        """Give an event of the wires its place in time among the vehicle's own."""
+        self._events.append(event)
+
+    # ---- in -------------------------------------------------------------------------------
+
+    def receive_observation(self, observation: Observation, now: float) -> None:
+        """Take what a sensor of the vehicle has measured."""
+        if not self._sensors.receive_observation(observation, now):
+            return
+        match observation:
+            case Speed():
+                self._receive_speed(observation, now)
+            case BrakePedal():
+                self._transmitter.receive_pedal(observation)
+                self._risk.receive_pedal(observation)
+            case TurnSignal():
+                self._transmitter.receive_turn_signal(observation)
+                self._risk.receive_turn_signal(observation)
+            case HardBrake():
+                self._lcca.receive_hard_brake(observation, now)
+                self._transmitter.receive_hard_brake(observation, now)
+            case Lead():
+                self._receive_lead(observation, now)
+            case Position():
+                self._position = observation
+                self._transmitter.receive_position(observation)
+                self._mvs.receive_position(observation)
+                self._risk.receive_position(observation)
+                self._intersections.receive_position(observation)
+            case VehicleDetection():
+                self._mvs.receive_detection(observation)
+            case DetectionList():
+                for detection in observation.cars:
+                    self._mvs.receive_detection(detection)
+        if self._access is not None:
+            self._access.receive_observation(observation, now)
+            self._take_access(now)
+        self._events.append(observation)
+
+    def _receive_speed(self, speed: Speed, now: float) -> None:
+        if self._claims is not None:
+            self._claims.receive_speed(speed.speed_m_s, now)
+        self._lcca.receive_speed(speed, now)
+        self._transmitter.receive_speed(speed)
+        self._risk.receive_speed(speed)
+        if self._brake_requester is not None:
+            self._brake_requester.receive_speed(speed)
+
+    def _receive_lead(self, lead: Lead, now: float) -> None:
+        if self._claims is not None:
+            self._claims.receive_lead(lead, now)
+        self._lcca.receive_lead(lead, now)
+        self._risk.receive_lead(lead, now)
+        self._request_braking(now)
+
+    def take_bus(self, now: float) -> None:
+        """Receive the observations that the bus puts out."""
+        while self._bus is not None and (observation := self._bus.next_event()) is not None:
+            self.receive_observation(observation, now)
+
+    def receive_message(
+        self, message: ReceivedMessage, signer_id: bytes | None, made_at_s: float, now: float
+    ) -> None:
+        """Take a message from the air.
+
+        Args:
+            message: as decoded.
+            signer_id: HashedId8 of its signer; `None` if it is not signed.
+            made_at_s: when it was generated by its sender's clock, as a time of the cores.
+            now: time of reception.
+        """
+        match message:
+            case BasicSafetyMessage():
+                self._receive_bsm(message, signer_id, made_at_s, now)
+            case SensorDataSharingMessage():
+                self._receive_sdsm(message, signer_id, now)
+            case MapData():
+                self._intersections.receive_map(message, signer_id, now)
+            case Spat():
+                utc_s = now + self._utc_offset_s
+                self._intersections.receive_spat(message, signer_id, now, utc_s)
+            case _:
+                self._lcca.receive_message(
+                    message, signer_id, made_at_s, now, heading_rad=self._heading_rad(now)
+                )
+                self._take_lcca(now)
+
+    def _receive_bsm(
+        self, message: BasicSafetyMessage, signer_id: bytes | None, made_at_s: float, now: float
+    ) -> None:
+        core = message.core
+        sender = signer_id or core.temporary_id
+        reason = self._misbehaviour.receive_bsm(sender, message, made_at_s, now)
+        self._lcca.check_pending_warnings(now)
+        self._take_lcca(now)
+        if reason is not None:
+            self._discard("bsm", reason, core.temporary_id, now)
+            return
+        position = position_in(core, now, self._utc_offset_s)
+        remote_id = self._misbehaviour.remote_id(sender, core.temporary_id)
+        if remote_id != core.temporary_id:
+            # Footers name the sources of measurements by temporary ID: two cannot have one.
+            message = replace(message, core=replace(core, temporary_id=remote_id), footer=None)
+        is_used = self._mvs.receive_bsm(
+            remote_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
+        )
+        self._transmitter.receive_remote_vehicle(sender, position, now)
+        if is_used:
+            self._risk.receive_bsm(message, now)
+        if core.speed_m_s is not None:
+            self._lcca.identification.receive_speed_on_air(
+                sender, core.temporary_id, core.speed_m_s, now
+            )
+
+    def _receive_sdsm(
+        self, message: SensorDataSharingMessage, signer_id: bytes | None, now: float
+    ) -> None:
+        source_id = message.source_id
+        if self._misbehaviour.remote_id(signer_id or source_id, source_id) != source_id:
+            self._discard("sdsm", "implausible_identity", source_id, now)
+            return
+        self._mvs.receive_sdsm(message, now)
+
+    def _discard(self, component: str, reason: str, temporary_id: bytes, now: float) -> None:
+        self._events.append(Discarded(now, component, reason, f"from {temporary_id.hex()}"))
+
+    # ---- out ------------------------------------------------------------------------------
+
+    def messages_to_send(self, now: float) -> list[SentMessage]:
+        """Return the messages that are due, those of LCCA first, in the order of sending."""
+        messages: list[SentMessage] = [*self._lcca.messages_to_send(now)]
+        if self._config.beacons and self._transmitter.take_due(now):
+            messages += self._bsm_and_sdsm(now)
+        return messages
+
+    def _bsm_and_sdsm(self, now: float) -> Iterator[SentMessage]:
+        shared_in, footer = self._config.mvs.shared_in, None
+        if shared_in is not SharedIn.SDSM:
+            footer = self._mvs.footer_to_send(now) or None
+        utc_s = now + self._utc_offset_s
+        yield self._transmitter.bsm(footer, now, utc_s, self._heading_rad(now))
+        if shared_in is not SharedIn.FOOTER:
+            shared = self._mvs.sdsm_to_send(now)
+            if shared is not None:
+                yield shared
+
+    # ---- between the cores ----------------------------------------------------------------
+
+    def _assess(self, now: float) -> None:
+        """Assess the risk from the current states of all vehicles."""
+        self._assess_at = now + ASSESSMENT_INTERVAL_S
+        self._mvs.update(now)
+        host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
+        self._surroundings = (host_vehicle, perceived_objects)
+        self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
+        red_light_m = self._intersections.red_light_m
+        heading = self._mvs.heading(now)
+        if self._claims is not None:
+            perceived_objects = self._claims.alarming(perceived_objects, now)
+        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
+        self._request_braking(now)
+        self._lcca.identification.receive_offsets(
+            {}
+            if host_vehicle is None or heading is None
+            else remote_offsets_m(host_vehicle, self._surroundings[1], heading.heading_rad)
+        )
+        if now >= self._report_surroundings_at:
+            self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
+            if host_vehicle is not None:
+                self._events.extend([host_vehicle, *self._surroundings[1]])
+
+    def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        return self._claims is None or self._claims.permits(cause, assessment, now)
+
+    def _request_braking(self, now: float) -> None:
+        if self._brake_requester is not None:
+            self._brake_requester.assess(self._risk.assessments, now)
+
+    def _take_access(self, now: float) -> None:
+        access = self._access
+        if access is None:
+            return
+        self._transmitter.receive_max_interval(access.longest_interval_s, now)
+        while (event := access.next_event()) is not None:
+            self._events.append(event)
+            if isinstance(event, ReactionObserved):
+                self._take_reaction_time()
+
+    def _take_reaction_time(self) -> None:
+        if self._access is not None and self._access.reaction_s is not None:
+            self._risk.receive_reaction_time(self._access.reaction_s)
+
+    def _take_lcca(self, now: float) -> None:
+        for event in self._lcca.take_events(now):
+            self._events.append(event)
+            if isinstance(event, WarningRaised | WarningLevel | WarningOver):
+                self._risk.receive_warning(event, now)
+                if self._brake_requester is not None:
+                    self._brake_requester.receive_warning(event)
+                    self._request_braking(now)
+
+    def _heading_rad(self, now: float) -> float | None:
+        """Return the heading, clockwise from north; `None` if it is not known."""
+        heading = self._mvs.heading(now)
+        return None if heading is None else heading.heading_rad
