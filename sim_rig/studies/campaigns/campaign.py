@@ -31,11 +31,12 @@ from onboard.errors import UserError
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.settings import Settings
 
-Row = dict[str, Any]
-"""Result of a run: values that JSON can represent."""
+StoredRow = dict[str, Any]
+"""Result of a run, as a line of `runs.jsonl` holds it."""
 SettingsT = TypeVar("SettingsT", bound=Settings)
-Run = Callable[[SettingsT, int], Row]
-"""One run; a function at the top level of its module, so that other processes can import it."""
+Row = StoredRow
+Run = Callable[[SettingsT, int], StoredRow]
+"""One run by its number, which other processes can import, as a function at the top of a module."""
 
 DASK_TIMEOUT_S = 10.0
 _MOST_FAILURES = 3
@@ -62,7 +63,9 @@ def run_campaign(
     numbers: Sequence[int],
     folder: Path,
     workers: Workers,
-) -> list[Row]:
+    *,
+    name: str = "",
+) -> list[StoredRow]:
     """Execute the runs that `folder` does not contain yet.
 
     Args:
@@ -71,6 +74,7 @@ def run_campaign(
         numbers: of the runs.
         folder: of `runs.jsonl` and `campaign.yaml`.
         workers: processes or cluster.
+        name: of the campaign; by default that of the function.
 
     Returns:
         The results of all runs, in the order of `numbers`.
@@ -84,7 +88,8 @@ def run_campaign(
     with (folder / "runs.jsonl").open("a", encoding="utf-8") as file, _bar(folder.name) as advance:
         _lock(file, folder)
         done = stored_runs(folder)
-        _reserve(folder, f"{run.__module__}.{run.__qualname__}", settings, holds_runs=bool(done))
+        name = name or f"{run.__module__}.{run.__qualname__}"
+        _reserve(folder, name, settings, holds_runs=bool(done))
         _remove_incomplete_line(folder / "runs.jsonl")
         missing = [number for number in numbers if number not in done]
         advance(len(numbers), len(numbers) - len(missing))
@@ -133,7 +138,7 @@ def _reserve(folder: Path, name: str, settings: Settings, *, holds_runs: bool) -
     begun.replace(path)
 
 
-def stored_runs(folder: Path) -> dict[int, Row]:
+def stored_runs(folder: Path) -> dict[int, StoredRow]:
     """The stored runs by number, without an incomplete last line.
 
     Raises:
@@ -141,7 +146,7 @@ def stored_runs(folder: Path) -> dict[int, Row]:
         OSError: the file cannot be read.
     """
     path = folder / "runs.jsonl"
-    rows: dict[int, Row] = {}
+    rows: dict[int, StoredRow] = {}
     for line, text in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
         try:
             row = json.loads(text)
@@ -160,7 +165,7 @@ def _remove_incomplete_line(path: Path) -> None:
 
 def _execute(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], workers: Workers
-) -> Iterator[tuple[int, Row]]:
+) -> Iterator[tuple[int, StoredRow]]:
     if workers.dask is not None:
         yield from _on_dask(run, settings, numbers, workers.dask)
     elif workers.processes == 1:
@@ -172,7 +177,7 @@ def _execute(
 
 def _in_processes(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], processes: int
-) -> Iterator[tuple[int, Row]]:
+) -> Iterator[tuple[int, StoredRow]]:
     """Execute runs in a process pool; a pool that a dying process breaks is replaced."""
     left, failures = list(numbers), 0
     while left:
@@ -203,10 +208,10 @@ def _completed(
     run: "Run[SettingsT]",
     settings: SettingsT,
     numbers: Iterable[int],
-) -> Iterator[tuple[int, Row]]:
+) -> Iterator[tuple[int, StoredRow]]:
     """Yield runs as they end; few are submitted ahead, so that the first is stored early."""
     waiting = iter(numbers)
-    submitted: dict[Future[Row], int] = {}
+    submitted: dict[Future[StoredRow], int] = {}
     while True:
         for number in islice(waiting, submitted_at_most - len(submitted)):
             with _delay_interrupt():
@@ -283,7 +288,7 @@ def _single_threaded() -> Iterator[None]:
 
 def _on_dask(
     run: "Run[SettingsT]", settings: SettingsT, numbers: Sequence[int], address: str
-) -> Iterator[tuple[int, Row]]:
+) -> Iterator[tuple[int, StoredRow]]:
     """Execute runs on a Dask cluster, which reassigns the runs of a worker that dies."""
     try:
         import distributed  # noqa: PLC0415 (of the extra `cluster`)
@@ -315,7 +320,7 @@ def _on_dask(
             yield number, row
 
 
-def _numbered(run: "Run[SettingsT]", settings: SettingsT, number: int) -> tuple[int, Row]:
+def _numbered(run: "Run[SettingsT]", settings: SettingsT, number: int) -> tuple[int, StoredRow]:
     return number, run(settings, number)
 
 

@@ -1,6 +1,6 @@
-"""The studies by name; each is imported only when it is run."""
+"""The studies by name: each is a file `PACKAGE/NAME_study.py`, imported when it is used."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +10,9 @@ from onboard.errors import UserError
 if TYPE_CHECKING:
     from onboard.settings import Settings
     from sim_rig.studies.campaigns.campaign import Workers
+    from sim_rig.studies.campaigns.study import AnyStudy
 
-Study = Callable[[Path], str]
-"""Writes table, figure and settings into a folder; returns a summary."""
-
-_SINGLE = {
+_LEGACY = {
     "joerer": "joerer.approaches:run",
     "rakhshan-figure6": "rakhshan.drivers:figure6",
     "rakhshan-figure7": "rakhshan.drivers:figure7",
@@ -24,10 +22,6 @@ _SINGLE = {
     "rakhshan-sensitivity": "rakhshan.figures:sensitivity",
     "rakhshan-table1": "rakhshan.tables:table1",
     "rakhshan-table2": "rakhshan.tables:table2",
-}
-"""Studies without settings."""
-
-_CAMPAIGNS = {
     "attacks": "attacks.attacks:run:AttacksSettings",
     "crossing-alarms": "alarms.crossing_alarms:run:AlarmSettings",
     "false-identity": "lcca.false_identity:run:FalseIdentitySettings",
@@ -48,12 +42,57 @@ _CAMPAIGNS = {
     "rakhshan-csma": "rakhshan.csma:run:RakhshanCsmaSettings",
     "rakhshan-readings": "rakhshan.readings:run:ReadingsSettings",
 }
-"""Studies of many runs, which take settings and workers."""
+
+STUDIES = Path(__file__).parents[1]
+_END = "_study.py"
+
+
+def study_files() -> dict[str, Path]:
+    """The file of each study by its name, sorted; none is imported."""
+    files = STUDIES.glob(f"*/*{_END}")
+    return dict(sorted((file.name.removesuffix(_END).replace("_", "-"), file) for file in files))
 
 
 def study_names() -> list[str]:
     """Names of all studies."""
-    return sorted(_SINGLE | _CAMPAIGNS)
+    return sorted({*study_files(), *_LEGACY})
+
+
+def check_study(name: str) -> None:
+    """Check that a study has this name.
+
+    Raises:
+        UserError: no study has it.
+    """
+    if name not in study_names():
+        raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+
+
+def find_study(name: str) -> "AnyStudy":
+    """Import one study.
+
+    Raises:
+        UserError: no study has this name.
+    """
+    check_study(name)
+    if name not in study_files():
+        return _legacy(name)
+    file = study_files()[name]
+    study: AnyStudy = import_module(f"sim_rig.studies.{file.parent.name}.{file.stem}").STUDY
+    return study
+
+
+def _legacy(name: str) -> "AnyStudy":
+    from types import SimpleNamespace  # noqa: PLC0415
+
+    module, function, *schema = _LEGACY[name].split(":")
+    found = import_module(f"sim_rig.studies.{module}")
+    write = getattr(found, function)
+    return SimpleNamespace(  # type: ignore[return-value]
+        settings=getattr(found, schema[0]) if schema else None,
+        takes_settings=bool(schema),
+        write=write if schema else lambda out_dir, _given, _workers: write(out_dir),
+    )
 
 
 def run_study(
@@ -80,19 +119,14 @@ def run_study(
     """
     from onboard.settings import load_settings, parse_settings  # noqa: PLC0415 (names need none)
 
-    if name not in _CAMPAIGNS:
-        if name in _SINGLE and (settings is not None or given):
-            raise UserError(f"the study {name} takes no settings")
-        return find_study(name)(out_dir)
-    module, function, schema = _CAMPAIGNS[name].split(":")
-    study_module = import_module(f"sim_rig.studies.{module}")
-    schema_of = getattr(study_module, schema)
-    chosen = None if settings is None else load_settings(settings, schema_of)
+    study = find_study(name)
+    if not study.takes_settings and (settings is not None or given):
+        raise UserError(f"the study {name} takes no settings")
+    chosen = None if settings is None else load_settings(settings, study.settings)
     if given:
         tree = {} if chosen is None else chosen.model_dump(mode="json")
-        chosen = parse_settings(tree | dict(given), schema_of, name)
-    summary: str = getattr(study_module, function)(out_dir, chosen, workers)
-    return summary
+        chosen = parse_settings(tree | dict(given), study.settings, name)
+    return study.write(out_dir, chosen, workers)
 
 
 def settings_schema(name: str) -> "type[Settings] | None":
@@ -101,12 +135,8 @@ def settings_schema(name: str) -> "type[Settings] | None":
     Raises:
         UserError: no study has this name.
     """
-    check_study(name)
-    if name in _SINGLE:
-        return None
-    module, _, schema = _CAMPAIGNS[name].split(":")
-    found: type[Settings] = getattr(import_module(f"sim_rig.studies.{module}"), schema)
-    return found
+    study = find_study(name)
+    return study.settings if study.takes_settings else None
 
 
 def study_settings(name: str) -> str:
@@ -121,31 +151,3 @@ def study_settings(name: str) -> str:
     if schema is None:
         return f"# {name} takes no settings"
     return f"# Settings of {name}, for --settings FILE\n{settings_as_yaml(schema)}"
-
-
-def check_study(name: str) -> None:
-    """Check that a study has this name.
-
-    Raises:
-        UserError: no study has it.
-    """
-    if name not in _SINGLE and name not in _CAMPAIGNS:
-        raise _unknown(name)
-
-
-def find_study(name: str) -> Study:
-    """Import one study.
-
-    Raises:
-        UserError: no study has this name.
-    """
-    location = _SINGLE.get(name)
-    if location is None:
-        raise _unknown(name)
-    module, function = location.split(":")
-    study: Study = getattr(import_module(f"sim_rig.studies.{module}"), function)
-    return study
-
-
-def _unknown(name: str) -> UserError:
-    return UserError(f"no study {name!r}; there are: {', '.join(study_names())}")

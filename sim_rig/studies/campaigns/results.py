@@ -1,13 +1,29 @@
-"""Writes the results of a study: table.csv, figure.png, settings.yaml."""
+"""Writes the results of a study: table.csv and settings.yaml."""
 
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
-from matplotlib.figure import Figure
 
 from onboard.settings import Settings
+
+
+def write_table(out_dir: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table into a folder, which is created if needed; floats have six digits."""
+    out_dir.mkdir(parents=True, exist_ok=True)
+    with (out_dir / "table.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(columns)
+        table.writerows([_six_digits(value) for value in row] for row in rows)
+
+
+def write_settings(out_dir: Path, settings: Settings) -> None:
+    """Write settings into a folder, which is created if needed."""
+    out_dir.mkdir(parents=True, exist_ok=True)
+    tree = settings.model_dump(mode="json")
+    (out_dir / "settings.yaml").write_text(yaml.safe_dump(tree, sort_keys=False), "utf-8")
 
 
 def write_results(
@@ -15,24 +31,11 @@ def write_results(
     columns: Sequence[str],
     rows: Iterable[Sequence[object]],
     settings: Settings,
-    figure: Figure | None = None,
+    figure: Any = None,
 ) -> None:
-    """Write the results; floats have six significant digits.
-
-    Args:
-        out_dir: folder, which is created if needed.
-        columns: header of the table.
-        rows: lines of the table.
-        settings: of the study.
-        figure: None for a study without a figure.
-    """
-    out_dir.mkdir(parents=True, exist_ok=True)
-    with (out_dir / "table.csv").open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(columns)
-        table.writerows([_six_digits(value) for value in row] for row in rows)
-    tree = settings.model_dump(mode="json")
-    (out_dir / "settings.yaml").write_text(yaml.safe_dump(tree, sort_keys=False), "utf-8")
+    """Write table, settings and figure."""
+    write_table(out_dir, columns, rows)
+    write_settings(out_dir, settings)
     if figure is not None:
         figure.savefig(out_dir / "figure.png", dpi=110)
 

@@ -8,13 +8,11 @@ without a radio is seen by the camera behind it, but neither answers nor warns.
 """
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from onboard.access.rear_end import tolerable_lag_s
@@ -31,9 +29,7 @@ from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.intervals import half_interval
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Case
 from sim_rig.studies.lcca.platoon_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
 from sim_rig.studies.lcca.platoon_sight import (
     LENSES,
@@ -47,8 +43,6 @@ from sim_rig.studies.lcca.platoon_sight import (
 _STEP_S = 0.01
 _SPEED_INTERVAL_S = 0.1
 _LENGTH_M = 4.5
-_RESAMPLES = 2000
-"""Of the bootstrap."""
 _SPEEDOMETER = (1.004, 1.012)
 """What OBD says of the true speed: 0.4 to 1.2 % more in recorded drives, in whole km/h."""
 
@@ -99,63 +93,36 @@ class ChainSettings(Settings):
     """The warning group."""
 
 
-Case = tuple[float, int, Sight, float]
-"""Median of the reaction time, number of cars, how they know the one ahead, share with a radio."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainCase(Case):
+    """One platoon."""
+
+    reaction_median_s: float
+    cars: int
+    sight: Sight
+    """How they know the one ahead."""
+    share: float
+    """Of the cars with a radio."""
 
 
-def cases(settings: ChainSettings) -> list[Case]:
-    """All cases of one seed, in the order of runs."""
-    return [
-        (median_s, cars, sight, share)
-        for median_s in settings.reaction_medians_s
-        for cars in settings.cars
-        for sight in settings.sights
-        for share in settings.shares
-    ]
-
-
-def run_one(settings: ChainSettings, number: int) -> Row:
-    """Simulate one platoon; cars and drivers depend on the seed alone, not on the share."""
-    of_a_seed = cases(settings)
-    case = of_a_seed[number % len(of_a_seed)]
-    median_s, cars, sight, share = case
-    seed = settings.seed + number // len(of_a_seed)
-    platoon = _Platoon(settings, case, seed)
-    platoon.drive()
-    return {
-        "cars": cars,
-        "sight": str(sight),
-        "share": share,
-        "reaction_median_s": median_s,
-        "seed": seed,
-        "crashes": platoon.crashes(),
-        "followers": platoon.followers,
-        "known": platoon.known,
-        "wrongly_known": platoon.wrongly_known,
-        "warned": sum(math.isfinite(at) for at in platoon.warned_s),
-        "warn_messages": platoon.warn_messages,
-        "events": platoon.events,
-        "flooding_messages": platoon.flooding_messages,
-    }
-
-
-class _Platoon:
+class Platoon:
     """Cars in one lane, number 0 first. The first car brakes at time 0."""
 
-    def __init__(self, settings: ChainSettings, case: Case, seed: int) -> None:
-        median_s, cars, sight, share = case
+    def __init__(self, settings: ChainSettings, case: ChainCase) -> None:
+        """Cars and drivers depend on the seed alone, not on the share of radios."""
+        cars, seed = case.cars, settings.seed + case.repetition
         self._settings = settings
         rng = np.random.default_rng([seed, cars])
         self._speed_m_s = rng.uniform(*settings.speed_m_s)
         self._gaps_m = self._speed_m_s * rng.uniform(*settings.headway_s, cars)
         self._decelerations_m_s2 = rng.uniform(*settings.deceleration_m_s2, cars)
         noise = rng.normal(size=(2, cars))
-        self._unwarned_s = median_s * np.exp(settings.reaction_sigma * noise[0])
+        self._unwarned_s = case.reaction_median_s * np.exp(settings.reaction_sigma * noise[0])
         self._warned_reaction_s = settings.warned_median_s * np.exp(
             settings.warned_sigma * noise[1]
         )
         positions_m = -np.cumsum(self._gaps_m + _LENGTH_M)
-        self._radios = np.flatnonzero(rng.random(cars) < share).tolist()
+        self._radios = np.flatnonzero(rng.random(cars) < case.share).tolist()
         self._plates = [text_of("LL###LL", rng) for _ in range(cars)]
         self._ids = [car_id_of(plate) for plate in self._plates]
         self._groups = {
@@ -166,10 +133,10 @@ class _Platoon:
         }
         speedometers = rng.uniform(*_SPEEDOMETER, cars)
         self._measured_m_s = np.round(self._speed_m_s * speedometers / KM_H) * KM_H
-        self._sights = {car: self._sight(car, sight, seed) for car in self._radios if car}
+        self._sights = {car: self._sight(car, case.sight, seed) for car in self._radios if car}
         self._first = (
             Identification(self._ids[0], _temporary_id(0), np.random.default_rng([seed, 3]))
-            if sight in LENSES
+            if case.sight in LENSES
             else None
         )
         self._lossy_channel = LossyChannel(
@@ -326,137 +293,3 @@ class _Platoon:
 
 def _temporary_id(car: int) -> bytes:
     return car.to_bytes(4)
-
-
-class _Line(NamedTuple):
-    """One line of the table."""
-
-    reaction_median_s: float
-    cars: int
-    sight: str
-    share_with_radio: float
-    platoons: int
-    crashes_per_platoon: float
-    half_95: float
-    """Of the 95 % interval of the crashes."""
-    reduction: float
-    """Share of the crashes without a radio that do not happen."""
-    reduction_low_95: float
-    reduction_high_95: float
-    known: float
-    """Share of the followers that know their lead, if both have a radio, when the first car
-    brakes."""
-    wrongly_known: int
-    warn_messages_per_event: float
-    flooding_messages_per_event: float
-
-
-def chain(
-    out_dir: Path, settings: ChainSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write crashes and messages by platoon length, share of radios and reaction time.
-
-    Args:
-        out_dir: folder of table, figure, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster; this process if None.
-
-    Returns:
-        Crashes and messages of the longest platoon, as a sentence.
-    """
-    settings = settings or ChainSettings()
-    numbers = range(len(cases(settings)) * settings.runs)
-    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
-    table = [_line(case, rows) for case in cases(settings)]
-    write_results(out_dir, _Line._fields, table, settings, _draw(table))
-    first, last = table[-len(settings.shares)], table[-1]
-    return (
-        f"{last.cars} cars, {last.sight}: {first.crashes_per_platoon:.1f} crashes a platoon at a"
-        f" share of {first.share_with_radio:g}, {last.crashes_per_platoon:.1f} at"
-        f" {last.share_with_radio:g}; {last.warn_messages_per_event:.1f} messages a warning,"
-        f" {last.flooding_messages_per_event:.1f} by flooding"
-    )
-
-
-def _line(case: Case, rows: Sequence[Row]) -> _Line:
-    median_s, cars, sight, share = case
-    of_sight = (median_s, cars, str(sight))
-
-    def at(wanted: float) -> list[Row]:
-        return [
-            row
-            for row in rows
-            if (row["reaction_median_s"], row["cars"], row["sight"]) == of_sight
-            and row["share"] == wanted
-        ]
-
-    mine = at(share)
-    crashes, none = [row["crashes"] for row in mine], [row["crashes"] for row in at(0.0)]
-    events = sum(row["events"] for row in mine)
-    error = half_interval(np.array(crashes)) if len(crashes) > 1 else 0.0
-
-    low, high = _reduction_interval(crashes, none)
-    followers = sum(row["followers"] for row in mine)
-
-    def per_event(column: str) -> float:
-        return sum(row[column] for row in mine) / events if events else 0.0
-
-    return _Line(
-        reaction_median_s=median_s,
-        cars=cars,
-        sight=str(sight),
-        share_with_radio=share,
-        platoons=len(mine),
-        crashes_per_platoon=float(np.mean(crashes)),
-        half_95=float(error),
-        reduction=1.0 - sum(crashes) / sum(none) if sum(none) else math.nan,
-        reduction_low_95=low,
-        reduction_high_95=high,
-        known=sum(row["known"] for row in mine) / followers if followers else math.nan,
-        wrongly_known=sum(row["wrongly_known"] for row in mine),
-        warn_messages_per_event=per_event("warn_messages"),
-        flooding_messages_per_event=per_event("flooding_messages"),
-    )
-
-
-def _reduction_interval(crashes: Sequence[float], none: Sequence[float]) -> tuple[float, float]:
-    """95 % interval of the reduction, by resampling the platoons, which are the same in both."""
-    if not sum(none):
-        return math.nan, math.nan
-    picks = np.random.default_rng(0).integers(len(none), size=(_RESAMPLES, len(none)))
-    totals = np.maximum(np.array(none)[picks].sum(axis=1), 1)
-    reductions = 1.0 - np.array(crashes)[picks].sum(axis=1) / totals
-    low, high = np.quantile(reductions, (0.025, 0.975)).tolist()
-    return low, high
-
-
-def _draw(table: Sequence[_Line]) -> Figure:
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for median_s, cars, sight in dict.fromkeys(line[:3] for line in table):
-        mine = [line for line in table if line[:3] == (median_s, cars, sight)]
-        shares = [line.share_with_radio for line in mine]
-        label = f"{cars} cars, {median_s:g} s, {sight}"
-        left.errorbar(
-            shares,
-            [line.crashes_per_platoon for line in mine],
-            [line.half_95 for line in mine],
-            marker="o",
-            capsize=3,
-            label=label,
-        )
-        messages = [line.warn_messages_per_event for line in mine]
-        right.plot(shares, messages, marker="o", label=f"{label}: LCCA")
-    last = [line for line in table if line[:3] == table[-1][:3]]
-    right.plot(
-        [line.share_with_radio for line in last],
-        [line.flooding_messages_per_event for line in last],
-        "k--",
-        label=f"{table[-1].cars} cars: flooding",
-    )
-    left.set_ylabel("crashes a platoon")
-    right.set_ylabel("messages a warning")
-    for axes in (left, right):
-        axes.set_xlabel("share of cars with a radio")
-        axes.legend(fontsize=7)
-    return figure

@@ -5,27 +5,27 @@ from pathlib import Path
 
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
-from sim_rig.studies.lcca.false_identity import FalseIdentitySettings, Insider, run_one
+from sim_rig.studies.lcca.false_identity_study import STUDY, FalseIdentitySettings, Insider
 
 SMALL = FalseIdentitySettings(runs=1, vehicles=30, fleet=10, seconds=2.0, radios=(1.0,))
 
 
 def test_cars_ahead_are_identified_and_no_other_ones() -> None:
-    row = run_one(SMALL, 0)
+    row = STUDY.one(SMALL, 0)
 
-    assert row["with_radio"] == 10
-    assert len(row["identified_s"]) >= 7
-    assert row["wrong_long"] == 0
+    assert row.with_radio == 10
+    assert len(row.identified_s) >= 7
+    assert row.wrong_long == 0
 
 
 def test_an_insider_with_another_speed_is_not_taken_for_the_lead() -> None:
     settings = SMALL.model_copy(update={"insiders": (Insider.OWN_SPEED,), "stream": 0.2})
 
-    assert run_one(settings, 0)["wrong_long"] <= 1
+    assert STUDY.one(settings, 0).wrong_long <= 1
 
 
 def test_a_run_is_the_same_every_time() -> None:
-    assert run_one(SMALL, 0) == run_one(SMALL, 0)
+    assert STUDY.one(SMALL, 0) == STUDY.one(SMALL, 0)
 
 
 def test_the_table_is_written(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.scenario.schema import Scenario
 from sim_rig.studies.campaigns.campaign import Workers
-from sim_rig.studies.lcca.platoons import PlatoonSettings, follower_times, run, run_one, scenario_of
+from sim_rig.studies.lcca.platoons_study import STUDY, PlatoonSettings, follower_times, scenario_of
 
 ROWS = "".join(
     f"{step / 10},car1,{30 + step},10\n{step / 10},car2,{10.5 + step},10\n" for step in range(61)
@@ -42,17 +42,17 @@ def test_due_is_who_is_inside_the_safety_distance(settings: PlatoonSettings) -> 
 
 
 def test_a_follower_of_a_recorded_car_becomes_a_member(settings: PlatoonSettings) -> None:
-    row = run_one(settings, 0)
+    row = STUDY.one(settings, 0)
 
-    assert row["followers"] == 1
-    assert row["joins"] == 1
-    assert row["member_s"] / row["due_s"] > 0.8
+    assert row.followers == 1
+    assert row.joins == 1
+    assert row.member_s / row.due_s > 0.8
 
 
 def test_the_study_writes_a_line_for_each_recording(
     settings: PlatoonSettings, tmp_path: Path
 ) -> None:
-    summary = run(tmp_path / "out", settings, Workers())
+    summary = STUDY.write(tmp_path / "out", settings, Workers())
 
     assert summary.startswith("members ")
     lines = (tmp_path / "out" / "table.csv").read_text().splitlines()

@@ -4,7 +4,7 @@ Each car has the whole stack of `onboard`, in virtual time, with the modelled ca
 follower is due while its gap is shorter than the safety distance and than `up_to_m`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from onboard.errors import UserError
 from onboard.lcca.settings import LccaSettings
 from onboard.lcca.transitions import GroupState
 from onboard.settings import Settings, parse_settings
@@ -26,11 +25,8 @@ from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import EcuSettings, LensSettings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.lcca.platoon_sight import RECOMMENDED_LENS
-
-COLUMNS = ("recording", "followers", "due_s", "member_share", "joins_per_min", "worst_share")
 
 
 class PlatoonSettings(Settings):
@@ -64,51 +60,58 @@ class FollowerTimes:
     """How often it became a member."""
 
 
-def run(out_dir: Path, settings: PlatoonSettings | None, workers: Workers) -> str:
-    """Drive all recordings and write their table.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingCase(Case):
+    """One recording with one seed."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: recordings and seeds.
-        workers: processes or cluster.
-
-    Returns:
-        The share of the due time in which followers were members, as a sentence.
-
-    Raises:
-        UserError: no recording is named.
-    """
-    if settings is None:
-        raise UserError("no recordings; name them with --files '[FILE.csv, ...]'")
-    numbers = range(len(settings.files) * len(settings.seeds))
-    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers)
-    table = [
-        _line(file.stem, rows[number * len(settings.seeds) : (number + 1) * len(settings.seeds)])
-        for number, file in enumerate(settings.files)
-    ]
-    write_results(out_dir, COLUMNS, table, settings)
-    member_s, due_s = (sum(row[name] for row in rows) for name in ("member_s", "due_s"))
-    share = member_s / due_s if due_s else 1.0
-    return (
-        f"members {share:.1%} of the time inside the safety distance, up to {settings.up_to_m:g} m"
-    )
+    file: Path
+    seed: int
 
 
-def run_one(settings: PlatoonSettings, number: int) -> Row:
+def axes(settings: PlatoonSettings) -> Axes:
+    """Every recording with every seed."""
+    return {"file": settings.files, "seed": settings.seeds}
+
+
+@dataclass(frozen=True, slots=True)
+class PlatoonRow:
+    """The followers of one recording with one seed; times are summed over them."""
+
+    followers: int
+    due_s: float
+    member_s: float
+    driven_s: float
+    joins: int
+    worst_share: float
+    """Share of the follower that was a member for the least share of its time."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlatoonLine:
+    """One line of the table: a recording with all seeds."""
+
+    recording: str
+    followers: int
+    due_s: float
+    member_share: float
+    joins_per_min: float
+    worst_share: float
+
+
+def run(settings: PlatoonSettings, case: RecordingCase) -> PlatoonRow:
     """Drive one recording with one seed."""
-    file_number, seed_number = divmod(number, len(settings.seeds))
-    scenario = scenario_of(settings, settings.files[file_number], settings.seeds[seed_number])
+    scenario = scenario_of(settings, case.file, case.seed)
     followers = list(follower_times(scenario, run_virtual(scenario), settings.up_to_m).values())
-    return {
-        "followers": len(followers),
-        "due_s": sum(each.due_s for each in followers),
-        "member_s": sum(each.member_s for each in followers),
-        "driven_s": sum(each.driven_s for each in followers),
-        "joins": sum(each.joins for each in followers),
-        "worst_share": min(
+    return PlatoonRow(
+        followers=len(followers),
+        due_s=sum(each.due_s for each in followers),
+        member_s=sum(each.member_s for each in followers),
+        driven_s=sum(each.driven_s for each in followers),
+        joins=sum(each.joins for each in followers),
+        worst_share=min(
             (each.member_s / each.due_s for each in followers if each.due_s >= 1.0), default=1.0
         ),
-    }
+    )
 
 
 def scenario_of(settings: PlatoonSettings, file: Path, seed: int) -> Scenario:
@@ -182,16 +185,47 @@ class _Count:
         self.member += is_due and self._is_member
 
 
-def _line(name: str, rows: Iterable[Row]) -> list[object]:
-    runs = list(rows)
-    due_s, member_s, driven_s = (
-        sum(row[column] for row in runs) for column in ("due_s", "member_s", "driven_s")
-    )
+def table(settings: PlatoonSettings, rows: Sequence[PlatoonRow]) -> list[PlatoonLine]:
+    """A line for each recording."""
+    cases = STUDY.cases(settings)
     return [
-        name,
-        runs[0]["followers"],
-        due_s,
-        member_s / due_s if due_s else 1.0,
-        60.0 * sum(row["joins"] for row in runs) / driven_s,
-        min(row["worst_share"] for row in runs),
+        _line(file.stem, [row for case, row in zip(cases, rows, strict=True) if case.file == file])
+        for file in settings.files
     ]
+
+
+def _line(name: str, rows: Sequence[PlatoonRow]) -> PlatoonLine:
+    due_s = sum(row.due_s for row in rows)
+    return PlatoonLine(
+        recording=name,
+        followers=rows[0].followers,
+        due_s=due_s,
+        member_share=sum(row.member_s for row in rows) / due_s if due_s else 1.0,
+        joins_per_min=60.0 * sum(row.joins for row in rows) / sum(row.driven_s for row in rows),
+        worst_share=min(row.worst_share for row in rows),
+    )
+
+
+def summary(results: Results[PlatoonSettings, PlatoonRow, PlatoonLine]) -> str:
+    """The share of the due time in which followers were members."""
+    member_s, due_s = (
+        sum(getattr(row, name) for row in results.rows) for name in ("member_s", "due_s")
+    )
+    share = member_s / due_s if due_s else 1.0
+    up_to_m = results.settings.up_to_m
+    return f"members {share:.1%} of the time inside the safety distance, up to {up_to_m:g} m"
+
+
+STUDY = Study(
+    name="platoons",
+    sentence="How much of the time followers in recorded platoons are members of a warning group.",
+    settings=PlatoonSettings,
+    needs="no recordings; name them with --files '[FILE.csv, ...]'",
+    axes=axes,
+    case=RecordingCase,
+    run=run,
+    row=PlatoonRow,
+    table=table,
+    line=PlatoonLine,
+    summary=summary,
+)

@@ -9,8 +9,8 @@ his own elsewhere.
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,8 +25,7 @@ from sim_rig.cars.camera_view import FPS
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.lcca.platoon_sight import car_id_of
 
 PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
@@ -78,29 +77,52 @@ class FalseIdentitySettings(Settings):
     """Whose patterns of plates are drawn."""
 
 
-Case = tuple[float, Insider]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveCase(Case):
+    """One drive."""
+
+    radios: float
+    """Share of the vehicles with a radio."""
+    insider: Insider
 
 
-def cases(settings: FalseIdentitySettings) -> list[Case]:
-    """All cases of one seed, in the order of runs."""
-    return [(radios, insider) for radios in settings.radios for insider in settings.insiders]
+def axes(settings: FalseIdentitySettings) -> Axes:
+    """Every share of radios with every insider."""
+    return {"radios": settings.radios, "insider": settings.insiders}
 
 
-def run_one(settings: FalseIdentitySettings, number: int) -> Row:
+@dataclass(frozen=True, slots=True)
+class DriveRow:
+    """One drive with `CHANGES_A_RUN` vehicles ahead."""
+
+    radios: float
+    insider: Insider
+    with_radio: int
+    """Of the vehicles ahead."""
+    identified_s: list[float]
+    """Of each identified vehicle: how long that took."""
+    wrong: int
+    """Vehicles ahead for which another one was taken."""
+    wrong_long: int
+    """Of those, for longer than `WRONG_S`."""
+    wrong_s: float
+    """The longest such time."""
+
+
+def run(settings: FalseIdentitySettings, case: DriveCase) -> DriveRow:
     """Simulate one drive."""
-    radios, insider = cases(settings)[number % len(cases(settings))]
-    seed = settings.seed + number // len(cases(settings))
-    drive = _Drive(settings, radios, insider, np.random.default_rng([seed, 23]))
+    rng = np.random.default_rng([settings.seed + case.repetition, 23])
+    drive = _Drive(settings, case.radios, case.insider, rng)
     changes = [drive.follow() for _ in range(CHANGES_A_RUN)]
-    return {
-        "radios": radios,
-        "insider": insider.value,
-        "with_radio": sum(each.has_radio for each in changes),
-        "identified_s": [each.identified_s for each in changes if each.identified_s is not None],
-        "wrong": sum(each.wrong_s > 0.0 for each in changes),
-        "wrong_long": sum(each.wrong_s > WRONG_S for each in changes),
-        "wrong_s": max(each.wrong_s for each in changes),
-    }
+    return DriveRow(
+        radios=case.radios,
+        insider=case.insider,
+        with_radio=sum(each.has_radio for each in changes),
+        identified_s=[each.identified_s for each in changes if each.identified_s is not None],
+        wrong=sum(each.wrong_s > 0.0 for each in changes),
+        wrong_long=sum(each.wrong_s > WRONG_S for each in changes),
+        wrong_s=max(each.wrong_s for each in changes),
+    )
 
 
 class _Change(NamedTuple):
@@ -276,7 +298,8 @@ def _sender(car: int) -> bytes:
     return b"v" + car.to_bytes(3)
 
 
-class _Line(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class IdentityLine:
     """One line of the table."""
 
     radios: float
@@ -292,25 +315,33 @@ class _Line(NamedTuple):
     longest_wrong_s: float
 
 
-def run(
-    out_dir: Path, settings: FalseIdentitySettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write how often, and for how long, another vehicle was taken for the one ahead.
+def table(settings: FalseIdentitySettings, rows: Sequence[DriveRow]) -> list[IdentityLine]:
+    """A line for each share of radios and insider."""
+    return [_line(case, rows) for case in STUDY.cases(settings)]
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster; this process if None.
 
-    Returns:
-        The worst case, as a sentence.
-    """
-    settings = settings or FalseIdentitySettings()
-    numbers = range(len(cases(settings)) * settings.runs)
-    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers or Workers())
-    table = [_line(case, rows) for case in cases(settings)]
-    write_results(out_dir, _Line._fields, table, settings)
-    worst = max(table, key=lambda line: line.wrong_longer_than_1_s / line.changes)
+def _line(case: DriveCase, rows: Sequence[DriveRow]) -> IdentityLine:
+    axes_of = case.radios, case.insider
+    mine = [row for row in rows if (row.radios, row.insider) == axes_of]
+    times_s = [time_s for row in mine for time_s in row.identified_s]
+    with_radio = sum(row.with_radio for row in mine)
+    return IdentityLine(
+        radios=case.radios,
+        insider=case.insider.value,
+        changes=CHANGES_A_RUN * len(mine),
+        with_radio=with_radio,
+        identified=len(times_s) / with_radio if with_radio else math.nan,
+        median_s=float(np.median(times_s)) if times_s else math.nan,
+        p90_s=float(np.percentile(times_s, 90)) if times_s else math.nan,
+        wrong=sum(row.wrong for row in mine),
+        wrong_longer_than_1_s=sum(row.wrong_long for row in mine),
+        longest_wrong_s=max(row.wrong_s for row in mine),
+    )
+
+
+def summary(results: Results[FalseIdentitySettings, DriveRow, IdentityLine]) -> str:
+    """The worst case."""
+    worst = max(results.table, key=lambda line: line.wrong_longer_than_1_s / line.changes)
     return (
         f"{worst.wrong_longer_than_1_s} of {worst.changes} vehicles ahead were taken for another"
         f" one for longer than {WRONG_S:g} s, with radios in {worst.radios:.0%} of the vehicles"
@@ -318,20 +349,16 @@ def run(
     )
 
 
-def _line(case: Case, rows: Sequence[Row]) -> _Line:
-    radios, insider = case
-    mine = [row for row in rows if (row["radios"], row["insider"]) == (radios, insider.value)]
-    times_s = [time_s for row in mine for time_s in row["identified_s"]]
-    with_radio = sum(row["with_radio"] for row in mine)
-    return _Line(
-        radios=radios,
-        insider=insider.value,
-        changes=CHANGES_A_RUN * len(mine),
-        with_radio=with_radio,
-        identified=len(times_s) / with_radio if with_radio else math.nan,
-        median_s=float(np.median(times_s)) if times_s else math.nan,
-        p90_s=float(np.percentile(times_s, 90)) if times_s else math.nan,
-        wrong=sum(row["wrong"] for row in mine),
-        wrong_longer_than_1_s=sum(row["wrong_long"] for row in mine),
-        longest_wrong_s=max(row["wrong_s"] for row in mine),
-    )
+STUDY = Study(
+    name="false-identity",
+    sentence="How often, and for how long, another vehicle is taken for the one ahead.",
+    settings=FalseIdentitySettings,
+    axes=axes,
+    repeat=lambda settings: settings.runs,
+    case=DriveCase,
+    run=run,
+    row=DriveRow,
+    table=table,
+    line=IdentityLine,
+    summary=summary,
+)

@@ -5,8 +5,7 @@ The lead answers, or no car bears any of the texts, so that all go on asking.
 """
 
 from collections import Counter
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import Field
@@ -17,8 +16,7 @@ from onboard.messages.lcca import MAX_NAMES, Answer, Inquiry, encode
 from onboard.settings import Settings
 from sim_rig.radio.ofdm import airtime_s, psdu_bytes
 from sim_rig.scenario.radio_settings import CsmaSettings
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.lcca.platoon_channel import CHANNEL_STEP_S, PlatoonChannel
 from sim_rig.studies.lcca.platoon_sight import car_id_of
 from sim_rig.studies.radio.study_channel import BSM_BYTES, SECURED_BYTES
@@ -29,17 +27,6 @@ LIKELIEST = 0.6
 _FRAME_S = 0.1
 _BSM_RATE_HZ = 10.0
 CASES = ("nobody asks", "all ask, the car ahead answers", "all ask, nobody answers")
-COLUMNS = (
-    "case",
-    "from_s",
-    "until_s",
-    "inquiries_per_s",
-    "answers_per_s",
-    "bsms_per_s",
-    "busy_ratio",
-    "bsms_received",
-    "identified",
-)
 
 
 class InquiryLoadSettings(Settings):
@@ -57,43 +44,65 @@ class InquiryLoadSettings(Settings):
     """The 802.11p channel."""
 
 
-def run(out_dir: Path, settings: InquiryLoadSettings | None, workers: Workers) -> str:
-    """Run all cases and write their table, for the first second and for the rest.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadCase(Case):
+    """One part of the time of one way to ask."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: cars and channel; the default ones if None.
-        workers: processes or cluster.
-
-    Returns:
-        The highest busy ratio, as a sentence.
-    """
-    chosen = settings or InquiryLoadSettings()
-    rows = run_campaign(run_one, chosen, range(2 * len(CASES)), out_dir / "runs", workers)
-    write_results(out_dir, COLUMNS, [[row[name] for name in COLUMNS] for row in rows], chosen)
-    return f"the channel is busy {max(row['busy_ratio'] for row in rows):.0%} of the time at most"
+    who: str
+    """Of `CASES`."""
+    is_rest: bool
+    """Whether the first second is over, in which most is asked."""
 
 
-def run_one(settings: InquiryLoadSettings, number: int) -> Row:
-    """Run one case, and count in its first second, or in the rest."""
-    case, is_rest = CASES[number // 2], bool(number % 2)
-    from_s, until_s = (1.0, settings.seconds) if is_rest else (0.0, 1.0)
-    traffic = _Traffic(settings, case)
+def axes(_settings: InquiryLoadSettings) -> Axes:
+    """Each way to ask, in the first second and in the rest."""
+    return {"who": CASES, "is_rest": (False, True)}
+
+
+@dataclass(frozen=True, slots=True)
+class LoadRow:
+    """One part of the time, and one line of the table."""
+
+    case: str
+    from_s: float
+    until_s: float
+    inquiries_per_s: float
+    answers_per_s: float
+    bsms_per_s: float
+    busy_ratio: float
+    """Share of the time in which the channel is busy."""
+    bsms_received: float
+    """Share of the BSMs that a car in range receives."""
+    identified: int
+    """Cars that know the one ahead."""
+
+
+def run(settings: InquiryLoadSettings, case: LoadCase) -> LoadRow:
+    """Run one way to ask, and count in its first second, or in the rest."""
+    from_s, until_s = (1.0, settings.seconds) if case.is_rest else (0.0, 1.0)
+    traffic = _Traffic(settings, case.who)
     for step in range(round(until_s / CHANNEL_STEP_S)):
         traffic.step(step * CHANNEL_STEP_S, counts=step * CHANNEL_STEP_S >= from_s)
     seconds, cars = until_s - from_s, settings.cars
-    return {
-        "case": case,
-        "from_s": from_s,
-        "until_s": until_s,
-        "inquiries_per_s": traffic.sent["inquiry"] / seconds,
-        "answers_per_s": traffic.sent["answer"] / seconds,
-        "bsms_per_s": _BSM_RATE_HZ * cars,
-        "busy_ratio": traffic.airtime_s / seconds
-        + _BSM_RATE_HZ * cars * _airtime_s(settings, BSM_BYTES),
-        "bsms_received": traffic.bsms_received / (seconds * _BSM_RATE_HZ * cars * (cars - 1)),
-        "identified": traffic.identified,
-    }
+    bsms_per_s = _BSM_RATE_HZ * cars
+    return LoadRow(
+        case=case.who,
+        from_s=from_s,
+        until_s=until_s,
+        inquiries_per_s=traffic.sent["inquiry"] / seconds,
+        answers_per_s=traffic.sent["answer"] / seconds,
+        bsms_per_s=bsms_per_s,
+        busy_ratio=traffic.airtime_s / seconds + bsms_per_s * _airtime_s(settings, BSM_BYTES),
+        bsms_received=traffic.bsms_received / (seconds * _BSM_RATE_HZ * cars * (cars - 1)),
+        identified=traffic.identified,
+    )
+
+
+def summary(results: Results[InquiryLoadSettings, LoadRow, LoadRow]) -> str:
+    """The highest busy ratio."""
+    return (
+        f"the channel is busy {max(row.busy_ratio for row in results.rows):.0%} of the time at most"
+    )
 
 
 class _Traffic:
@@ -158,3 +167,17 @@ class _Traffic:
 
 def _airtime_s(settings: InquiryLoadSettings, octets: int) -> float:
     return airtime_s(psdu_bytes(octets + SECURED_BYTES), settings.csma.data_rate_mbit_s)
+
+
+STUDY = Study(
+    name="inquiry-load",
+    sentence="How busy the channel is when many cars at once ask who is ahead.",
+    settings=InquiryLoadSettings,
+    axes=axes,
+    case=LoadCase,
+    run=run,
+    row=LoadRow,
+    table=lambda _, rows: rows,
+    line=LoadRow,
+    summary=summary,
+)
