@@ -71,7 +71,7 @@ class JoererSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Results:
+class ApproachResults:
     """Data of all figures."""
 
     approaches: Approaches
@@ -92,7 +92,7 @@ class Results:
         return crashed
 
 
-def simulate(settings: JoererSettings) -> Results:
+def simulate(settings: JoererSettings) -> ApproachResults:
     """Simulate approaches and beacons, and evaluate P_C in every recorded tick."""
     rng = np.random.default_rng(settings.seed)
     approaches = simulate_approaches(settings.traffic, rng)
@@ -101,7 +101,7 @@ def simulate(settings: JoererSettings) -> Results:
         for interval_s in settings.radio.intervals_s
     }
     p_c = {name: criticality(approaches, name, settings.traffic) for name in BEHAVIOURS}
-    return Results(approaches, p_c, beacons)
+    return ApproachResults(approaches, p_c, beacons)
 
 
 def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
@@ -121,7 +121,7 @@ def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
     return ", ".join(f"{group.name} {counts[group]}" for group in ApproachOutcome)
 
 
-def _outcomes(results: Results, out_dir: Path) -> None:
+def _outcomes(results: ApproachResults, out_dir: Path) -> None:
     percent = {
         group: 100.0 * np.mean(results.approaches.outcome == group) for group in ApproachOutcome
     }
@@ -132,7 +132,7 @@ def _outcomes(results: Results, out_dir: Path) -> None:
     _write(out_dir / "outcomes.csv", ("outcome", "ours_percent", "paper_percent"), rows)
 
 
-def _figures_5_6_8(results: Results, out_dir: Path) -> None:
+def _figures_5_6_8(results: ApproachResults, out_dir: Path) -> None:
     of_car = results.outcome_of_car
     exact = {name: np.repeat(np.nanmax(p_c, axis=1), 2) for name, p_c in results.p_c.items()}
     slowest = results.beacons[SLOWEST_INTERVAL_S]
@@ -162,7 +162,7 @@ def _five_numbers(values: Array) -> tuple[float, ...]:
     return (len(values), *quartiles.tolist(), round(float(np.mean(values >= 1.0 - 1e-9)), 4))
 
 
-def _figures_7_9(results: Results, out_dir: Path) -> None:
+def _figures_7_9(results: ApproachResults, out_dir: Path) -> None:
     def binned(behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
         return _bin(results, behaviour, group, statistic)
 
@@ -183,7 +183,7 @@ def _figures_7_9(results: Results, out_dir: Path) -> None:
         _write(out_dir / f"figure{number}.csv", header, rows)
 
 
-def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
+def _bin(results: ApproachResults, behaviour: str, group: ApproachOutcome, statistic: str) -> Array:
     """(BINS, BINS) by distance of receiver and sender; NaN where no beacon was received."""
     beacons = results.beacons[BINNED_INTERVAL_S]
     approach, receiver = beacons.car // 2, beacons.car % 2
@@ -210,7 +210,7 @@ def _bin(results: Results, behaviour: str, group: ApproachOutcome, statistic: st
     return extreme
 
 
-def _figure_10(results: Results, out_dir: Path) -> None:
+def _figure_10(results: ApproachResults, out_dir: Path) -> None:
     """Draw a typical crash: the one with the median of the highest P_C received at 1 s."""
     approaches, p_c = results.approaches, results.p_c["uniform"]
     crashed = np.flatnonzero(approaches.outcome == ApproachOutcome.CRASH)
@@ -236,7 +236,7 @@ def _figure_10(results: Results, out_dir: Path) -> None:
     _write(out_dir / "figure10.csv", ("beacon_interval_s", "time_to_crash_s", "p_c"), rows)
 
 
-def _table_3(results: Results, out_dir: Path) -> None:
+def _table_3(results: ApproachResults, out_dir: Path) -> None:
     lbu = {
         name: {interval_s: results.lbu(name, interval_s) for interval_s in results.beacons}
         for name in BEHAVIOURS

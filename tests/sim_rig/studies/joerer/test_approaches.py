@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.studies.joerer.approaches import JoererSettings, Results, run, simulate
+from sim_rig.studies.joerer.approaches import ApproachResults, JoererSettings, run, simulate
 from sim_rig.studies.joerer.criticality import (
     BEHAVIOURS,
     UNAVOIDABLE,
@@ -20,11 +20,11 @@ SMALL = JoererSettings(traffic=TrafficSettings(approaches=250, start_m=(60.0, 11
 
 
 @pytest.fixture(scope="module")
-def results() -> Results:
+def results() -> ApproachResults:
     return simulate(SMALL)
 
 
-def test_the_sample_contains_crashes_and_harmless_approaches(results: Results) -> None:
+def test_the_sample_contains_crashes_and_harmless_approaches(results: ApproachResults) -> None:
     counts = np.bincount(results.approaches.outcome, minlength=3)
 
     assert counts[ApproachOutcome.CRASH] >= 8
@@ -32,14 +32,16 @@ def test_the_sample_contains_crashes_and_harmless_approaches(results: Results) -
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
-def test_every_crash_reaches_100_percent(results: Results, behaviour: str) -> None:
+def test_every_crash_reaches_100_percent(results: ApproachResults, behaviour: str) -> None:
     highest = np.nanmax(results.p_c[behaviour], axis=1)
 
     assert (highest[results.approaches.outcome == ApproachOutcome.CRASH] >= UNAVOIDABLE).all()
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
-def test_p_c_stays_low_in_approaches_without_crash(results: Results, behaviour: str) -> None:
+def test_p_c_stays_low_in_approaches_without_crash(
+    results: ApproachResults, behaviour: str
+) -> None:
     """The paper's limit of 40 % holds, except for cars that pass at little more than 0.4 m."""
     highest = np.nanmax(results.p_c[behaviour], axis=1)[
         results.approaches.outcome == ApproachOutcome.NO_CRASH
@@ -49,13 +51,13 @@ def test_p_c_stays_low_in_approaches_without_crash(results: Results, behaviour: 
     assert highest.max() < 0.45
 
 
-def test_cars_that_obey_the_right_of_way_do_not_crash(results: Results) -> None:
+def test_cars_that_obey_the_right_of_way_do_not_crash(results: ApproachResults) -> None:
     assert (
         results.approaches.outcome[~results.approaches.ignores_rules] == ApproachOutcome.NO_CRASH
     ).all()
 
 
-def test_more_frequent_beacons_give_a_higher_p_c_at_the_last_one(results: Results) -> None:
+def test_more_frequent_beacons_give_a_higher_p_c_at_the_last_one(results: ApproachResults) -> None:
     medians = [
         np.nanmedian(results.lbu("uniform", interval_s)) for interval_s in (1.0, 0.5, 0.1, 0.04)
     ]
