@@ -1,44 +1,29 @@
-"""What insiders cost: false alarms, and true ones that are missed, by attack and insiders.
+"""What insiders claim to one host vehicle, and what it makes of that beside true vehicles."""
 
-An insider has one certificate and sends ten messages a second. Vehicles that truly cross come every
-`TRUE_EVERY_S`, each under a certificate of its own. Nothing that is claimed is seen by the host's
-own sensors, which is the best case for the insiders. One case of each attack is run without checks.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from enum import StrEnum
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-from pydantic import Field
 
 from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
-from onboard.settings import Settings
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
-from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, AttackedHost, Place, Signer, claimed_id
 from sim_rig.studies.attacks.group_attacks import (
+    AttackCounts,
     group_brakings,
     group_ends,
     group_levels,
     group_updates,
-    run_group,
 )
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
 
 START_UTC_S = 1_790_000_000.0
 PASS_S = 6.0
 """Time in which an invented vehicle comes to the place where it would hit the host."""
 TRUE_EVERY_S = 20.0
 """Between true vehicles."""
-COLUMNS = (
-    "attack", "insiders", "checked", "runs", "seconds", "false_alarms", "false_alarm_s", "ignored",
-    "true_alarms", "true_missed",
-)  # fmt: skip
 
 
 class AttackKind(StrEnum):
@@ -57,84 +42,18 @@ class AttackKind(StrEnum):
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
 
 
-class AttacksSettings(Settings):
-    """One campaign; a run is one attack by some insiders."""
-
-    seed: int = Field(1, ge=0)
-    """Of all draws, together with the number of the run."""
-    attacks: Several[AttackKind] = tuple(AttackKind)
-    """What the insiders claim."""
-    insiders: Several[int] = (1, 2, 3, 4, 5)
-    """Numbers of insiders."""
-    seconds: float = Field(60.0, ge=30.0, le=7200.0)
-    """Duration of a run."""
-    runs: int = Field(1, ge=1)
-    """Of each case, with other keys, draws and times."""
-    unchecked: bool = True
-    """Whether each attack is run without checks, too."""
-
-
-Case = tuple[AttackKind, int, bool]
-"""AttackKind, insiders, and whether the host checks claims."""
-
-
-def cases(settings: AttacksSettings) -> list[Case]:
-    """Return the case of each run."""
-    return [
-        (attack, insiders, checked)
-        for attack in settings.attacks
-        for insiders, checked in [
-            *([(1, False)] if settings.unchecked else []),
-            *((each, True) for each in settings.insiders),
-        ]
-    ]
-
-
-def run(out_dir: Path, settings: AttacksSettings | None, workers: Workers) -> str:
-    """Run all cases and write their table.
+def run_host(
+    attack: AttackKind, seed: tuple[int, ...], seconds: float, insiders: int, *, checks: bool
+) -> AttackCounts:
+    """Let the host drive among insiders and true vehicles.
 
     Args:
-        out_dir: folder of table, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster.
-
-    Returns:
-        The worst case of one insider, and the true alarms missed, as a sentence.
+        attack: what the insiders claim.
+        seed: of keys and draws.
+        seconds: duration of the attack.
+        insiders: their number.
+        checks: whether the host checks claims.
     """
-    chosen = settings or AttacksSettings()
-    numbers = range(len(cases(chosen)) * chosen.runs)
-    rows = run_campaign(run_one, chosen, numbers, out_dir / "runs", workers)
-    table = [_merged(rows[at : at + chosen.runs]) for at in numbers[:: chosen.runs]]
-    write_results(out_dir, COLUMNS, [[row[name] for name in COLUMNS] for row in table], chosen)
-    checked = [row for row in table if row["checked"]]
-    worst = max((row["false_alarms"] / row["insiders"] for row in checked), default=0.0)
-    missed, true = (sum(row[name] for row in checked) for name in ("true_missed", "true_alarms"))
-    return f"at most {worst:.1f} false alarms an insider; {missed} of {true} true alarms missed"
-
-
-def run_one(settings: AttacksSettings, number: int) -> Row:
-    """Run one case."""
-    attack, insiders, checked = cases(settings)[number // settings.runs]
-    seed, seconds = (settings.seed, number), settings.seconds
-    if attack in FORGERIES:
-        forgery = FORGERIES[attack]
-        found = run_group(forgery, seed, START_UTC_S, seconds, insiders, checks=checked)
-    else:
-        found = _run_host(attack, seed, seconds, insiders, checks=checked)
-    case = {"attack": attack.value, "insiders": insiders, "checked": checked, "seconds": seconds}
-    return case | found
-
-
-def _merged(runs: Sequence[Row]) -> Row:
-    """Return the runs of one case as one row: of false alarms the worst run, else the sum."""
-    worst = {name: max(row[name] for row in runs) for name in ("false_alarms", "false_alarm_s")}
-    sums = {name: sum(row[name] for row in runs) for name in ("true_alarms", "true_missed")}
-    return runs[0] | worst | sums | {"runs": len(runs)}
-
-
-def _run_host(
-    attack: AttackKind, seed: tuple[int, ...], seconds: float, insiders: int, *, checks: bool
-) -> Row:
     encounters = int(seconds // TRUE_EVERY_S)
     names = [f"insider{n}" for n in range(insiders)] + [f"true{n}" for n in range(encounters)]
     new_key = key_from(np.random.default_rng(seed))
@@ -152,13 +71,13 @@ def _run_host(
         for event in host.events
         if isinstance(event, Alarm) and event.level is Level.WARNING
     }
-    return {
-        "false_alarms": sum(claimed_id(alarm) not in true_ids for alarm in host.raised()),
-        "false_alarm_s": round(host.alarmed_s(true_ids), 1),
-        "ignored": len(host.ignored()),
-        "true_alarms": encounters,
-        "true_missed": len(true_ids - warned),
-    }
+    return AttackCounts(
+        false_alarms=sum(claimed_id(alarm) not in true_ids for alarm in host.raised()),
+        false_alarm_s=round(host.alarmed_s(true_ids), 1),
+        ignored=len(host.ignored()),
+        true_alarms=encounters,
+        true_missed=len(true_ids - warned),
+    )
 
 
 def _true_vehicles(host: AttackedHost, true: list[Signer], now: float) -> Iterator[bytes]:

@@ -4,7 +4,7 @@ The forged messages are signed, name the group's leader, and use its next event 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,6 @@ from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_world import STEP_S, Signer
 from sim_rig.studies.attacks.attacked_group import BRAKING_S, FOLLOWERS, PLATES, AttackedGroup
-from sim_rig.studies.campaigns.campaign import Row
 
 NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
@@ -34,6 +33,20 @@ GroupForgery = Callable[[CarId, CarId, int, int], Iterator[LccaMessage]]
 sequence number, and how often was forged before."""
 
 
+@dataclass(frozen=True, slots=True)
+class AttackCounts:
+    """What is counted in one attack."""
+
+    false_alarms: int
+    false_alarm_s: float
+    """For how long at least one was on."""
+    ignored: int
+    """Reports of signers that are ignored."""
+    true_alarms: int
+    """That are due."""
+    true_missed: int
+
+
 def run_group(
     forgery: GroupForgery,
     seed: tuple[int, ...],
@@ -42,7 +55,7 @@ def run_group(
     insiders: int,
     *,
     checks: bool,
-) -> Row:
+) -> AttackCounts:
     """Let the leader brake every `BRAKES_EVERY_S` under attack.
 
     Args:
@@ -71,13 +84,13 @@ def run_group(
         group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
     found = [_count(group, plate, brakings_at) for plate in FOLLOWERS]
     false_alarms, false_alarm_s, missed = zip(*found, strict=True)
-    return {
-        "false_alarms": max(false_alarms),
-        "false_alarm_s": max(false_alarm_s),
-        "ignored": len(group.ignored()),
-        "true_alarms": len(brakings_at) * len(FOLLOWERS),
-        "true_missed": sum(missed),
-    }
+    return AttackCounts(
+        false_alarms=max(false_alarms),
+        false_alarm_s=max(false_alarm_s),
+        ignored=len(group.ignored()),
+        true_alarms=len(brakings_at) * len(FOLLOWERS),
+        true_missed=sum(missed),
+    )
 
 
 def _count(

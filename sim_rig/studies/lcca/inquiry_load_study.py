@@ -48,7 +48,7 @@ class InquiryLoadSettings(Settings):
 class LoadCase(Case):
     """One part of the time of one way to ask."""
 
-    who: str
+    asking: str
     """Of `CASES`."""
     is_rest: bool
     """Whether the first second is over, in which most is asked."""
@@ -56,7 +56,7 @@ class LoadCase(Case):
 
 def axes(_settings: InquiryLoadSettings) -> Axes:
     """Each way to ask, in the first second and in the rest."""
-    return {"who": CASES, "is_rest": (False, True)}
+    return {"asking": CASES, "is_rest": (False, True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +80,13 @@ class LoadRow:
 def run(settings: InquiryLoadSettings, case: LoadCase) -> LoadRow:
     """Run one way to ask, and count in its first second, or in the rest."""
     from_s, until_s = (1.0, settings.seconds) if case.is_rest else (0.0, 1.0)
-    traffic = _Traffic(settings, case.who)
+    traffic = _Traffic(settings, case.asking)
     for step in range(round(until_s / CHANNEL_STEP_S)):
         traffic.step(step * CHANNEL_STEP_S, counts=step * CHANNEL_STEP_S >= from_s)
     seconds, cars = until_s - from_s, settings.cars
     bsms_per_s = _BSM_RATE_HZ * cars
     return LoadRow(
-        case=case.who,
+        case=case.asking,
         from_s=from_s,
         until_s=until_s,
         inquiries_per_s=traffic.sent["inquiry"] / seconds,

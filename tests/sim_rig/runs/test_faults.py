@@ -39,7 +39,7 @@ from sim_rig.scenario.faults import SlowCpu, WrongClock
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import EcuSettings
 from sim_rig.studies.faults.fault_cases import CASES, FaultCase
-from sim_rig.studies.faults.faults import outcome_of, scenario_of
+from sim_rig.studies.faults.faults_study import outcome_of, scenario_of
 
 SPEED_M_S = 20.0
 SPEED_REQUEST = CanFrame(0.0, 0x7DF, is_extended_id=False, data=b"\x02\x01\x0d".ljust(8, b"\0"))

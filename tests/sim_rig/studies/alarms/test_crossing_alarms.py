@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.studies.alarms.crossing_alarms import ROLES, AlarmSettings, run, run_one
+from sim_rig.studies.alarms.crossing_alarms_study import ROLES, STUDY, AlarmSettings
 from sim_rig.studies.alarms.crossing_meetings import TICK_S, Meeting, MeetingKind, meetings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.joerer.traffic import TrafficSettings
@@ -49,16 +49,16 @@ def test_who_pulls_out_has_stood_and_who_turns_left_ends_at_a_right_angle() -> N
 
 @pytest.mark.long
 def test_a_run_judges_both_drivers_and_is_the_same_every_time() -> None:
-    row = run_one(FEW, 0)
+    row = STUDY.one(FEW, 0)
 
-    assert row == run_one(FEW, 0)
-    assert set(row["roles"]) == set(ROLES)
-    assert all(each["hours"] > 0.0 for each in row["roles"].values())
+    assert row == STUDY.one(FEW, 0)
+    assert set(row.roles) == set(ROLES)
+    assert all(each.hours > 0.0 for each in row.roles.values())
 
 
 @pytest.mark.long
 def test_the_table_has_a_line_for_each_kind_and_role(tmp_path: Path) -> None:
-    summary = run(tmp_path, FEW, Workers())
+    summary = STUDY.write(tmp_path, FEW, Workers())
 
     assert summary.startswith("straight, right of way: ")
     with (tmp_path / "table.csv").open() as file:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from onboard.errors import UserError
-from sim_rig.studies.alarms.following_alarms import FollowingSettings, run_one
+from sim_rig.studies.alarms.following_alarms_study import STUDY, FollowingSettings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
 
@@ -32,12 +32,12 @@ def test_steady_following_raises_no_alarm_and_braking_does(tmp_path: Path) -> No
         files=(recording(tmp_path),), profiles=("radar-150",), brakings=3, gaps_m=(15.0, 18.0)
     )
 
-    row = run_one(settings, 0)
+    row = STUDY.one(settings, 0)
 
-    assert row["hours"] == pytest.approx(2 * 6.0 / 3600.0)
-    assert (row["false"], row["true"]) == (0, 0)
-    assert all(0.0 < delay_s < 1.0 for delay_s in row["delays_s"])
-    assert row == run_one(settings, 0)
+    assert row.hours == pytest.approx(2 * 6.0 / 3600.0)
+    assert (row.false, row.true) == (0, 0)
+    assert all(0.0 < delay_s < 1.0 for delay_s in row.delays_s)
+    assert row == STUDY.one(settings, 0)
 
 
 @pytest.mark.long

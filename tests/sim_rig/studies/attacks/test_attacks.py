@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_rig.studies.attacks.attacks import AttackKind, AttacksSettings, run
+from sim_rig.studies.attacks.attacks import AttackKind
+from sim_rig.studies.attacks.attacks_study import STUDY, AttacksSettings
 from sim_rig.studies.campaigns.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
@@ -12,7 +13,7 @@ FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
 
 @pytest.mark.long
 def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:
-    summary = run(tmp_path, FEW, Workers())
+    summary = STUDY.write(tmp_path, FEW, Workers())
 
     assert summary == "at most 3.0 false alarms an insider; 0 of 2 true alarms missed"
     _, unchecked, checked = (tmp_path / "table.csv").read_text().splitlines()
@@ -29,7 +30,7 @@ def test_in_a_group_every_true_braking_is_warned_of_and_three_false_ones_at_most
         attacks=(AttackKind.GROUP_BRAKINGS,), insiders=(1,), seconds=45.0, unchecked=False, runs=2
     )
 
-    summary = run(tmp_path, braking, Workers())
+    summary = STUDY.write(tmp_path, braking, Workers())
 
     assert summary == "at most 3.0 false alarms an insider; 0 of 4 true alarms missed"
     (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
@@ -42,7 +43,7 @@ def test_who_takes_the_id_of_a_true_vehicle_first_does_not_hide_it(tmp_path: Pat
         attacks=(AttackKind.SAME_ID,), insiders=(1,), seconds=40.0, unchecked=False
     )
 
-    assert run(tmp_path, same_id, Workers()).endswith("0 of 2 true alarms missed")
+    assert STUDY.write(tmp_path, same_id, Workers()).endswith("0 of 2 true alarms missed")
 
 
 @pytest.mark.long
@@ -51,7 +52,7 @@ def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
         attacks=(AttackKind.FOOTER,), insiders=(2,), seconds=30.0, unchecked=False
     )
 
-    run(tmp_path, footers, Workers())
+    STUDY.write(tmp_path, footers, Workers())
 
     (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
     assert row.startswith('"crossing vehicle, by footer",2,True,1,30,6,')

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.studies.attacks.linker import (
+from sim_rig.studies.attacks.linker_study import (
+    STUDY,
     LinkerSettings,
     count_linked,
     motion_cost,
     phase_cost,
-    run,
 )
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.mvs.scenes import SceneName
@@ -33,7 +33,7 @@ def test_a_phase_is_the_same_after_any_number_of_intervals() -> None:
 @pytest.mark.long
 def test_silence_makes_linking_harder_and_a_phase_drawn_anew_tells_nothing(tmp_path: Path) -> None:
     settings = LinkerSettings(scene=SceneName.OWN_CROSSING, changes=3, silences_s=(0.0, 10.0))
-    run(tmp_path, settings, Workers())
+    STUDY.write(tmp_path, settings, Workers())
     lines = [line.split(",") for line in (tmp_path / "table.csv").read_text().splitlines()]
     column = {name: at for at, name in enumerate(lines[0])}
     shares = {

@@ -17,7 +17,7 @@ from sim_rig.studies.campaigns.catalogue import (
     study_settings,
 )
 from sim_rig.studies.campaigns.settings_help import meanings
-from sim_rig.studies.faults.faults import FaultsSettings
+from sim_rig.studies.faults.faults_study import FaultsSettings
 from sim_rig.studies.mvs.collisions import CollisionSettings, cases
 from sim_rig.studies.mvs.encounter import Method
 

@@ -4,10 +4,9 @@ Three cars drive in one lane, green ahead of red ahead of blue. Green brakes onc
 three times during it and twice after it. All runs are in virtual time.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any
 
@@ -18,8 +17,7 @@ from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.faults.fault_cases import CASES, FROM_S, FaultCase
 
 BRAKES_S = (7.0, 14.0, 19.0, 24.0, 34.0, 39.0)
@@ -30,17 +28,6 @@ WARNED_WITHIN_S = 2.0
 BRAKING_LASTS_S = 4.5
 """A warning or alarm later than this after a braking is false."""
 POSITIONS = {"green": ("leader", 1), "red": ("member", 2), "blue": ("member", 3)}
-COLUMNS = (
-    "fault",
-    "severity",
-    "car",
-    "missed",
-    "missed_after",
-    "false",
-    "shown_s",
-    "recovered_s",
-    "not_recovered",
-)
 
 
 def _fault(name: str) -> str:
@@ -76,44 +63,42 @@ class FaultOutcome:
     they are not when the run ends."""
 
 
-def run(out_dir: Path, settings: FaultsSettings | None, workers: Workers) -> str:
-    """Run all cases and write their table.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultyDrive(Case):
+    """One case with one seed."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: seeds and faults; the default ones if None.
-        workers: processes or cluster.
-
-    Returns:
-        How many cases have neither missed nor false warnings, as a sentence.
-    """
-    chosen = settings or FaultsSettings()
-    cases = cases_of(chosen)
-    numbers = range(len(cases) * len(chosen.seeds))
-    rows = run_campaign(run_case, chosen, numbers, out_dir / "runs", workers)
-    table = list(_table(cases, rows, len(chosen.seeds)))
-    write_results(out_dir, COLUMNS, table, chosen)
-    harmless = sum(row[3] == row[4] == row[5] == 0 for row in table)
-    return f"{len(table)} cases, {harmless} of them without a missed or a false warning"
+    of: FaultCase
+    seed: int
 
 
-def cases_of(settings: FaultsSettings) -> list[FaultCase]:
-    """The cases of the selected faults."""
-    return [case for case in CASES if not settings.cases or case.fault in settings.cases]
-
-
-def run_case(settings: FaultsSettings, number: int) -> Row:
-    """Run one case with one seed."""
-    case_number, seed_number = divmod(number, len(settings.seeds))
-    case = cases_of(settings)[case_number]
-    outcome = outcome_of(run_virtual(scenario_of(case), settings.seeds[seed_number]), case)
+def axes(settings: FaultsSettings) -> Axes:
+    """Every case of the selected faults, with every seed."""
     return {
-        "missed": outcome.missed,
-        "missed_after": outcome.missed_after,
-        "false": outcome.false,
-        "shown_s": outcome.shown_s,
-        "recovered_s": outcome.recovered_s,
+        "of": [each for each in CASES if not settings.cases or each.fault in settings.cases],
+        "seed": settings.seeds,
     }
+
+
+@dataclass(frozen=True, slots=True)
+class FaultLine:
+    """One line of the table: a case with all seeds."""
+
+    fault: str
+    severity: str
+    car: str
+    missed: float
+    missed_after: float
+    false: float
+    shown_s: float | str
+    """Of the slowest run; runs without a value do not count."""
+    recovered_s: float | str
+    """Of the slowest run that recovered."""
+    not_recovered: int
+
+
+def run(_settings: FaultsSettings, case: FaultyDrive) -> FaultOutcome:
+    """Run one case with one seed."""
+    return outcome_of(run_virtual(scenario_of(case.of), case.seed), case.of)
 
 
 def scenario_of(case: FaultCase) -> Scenario:
@@ -211,23 +196,46 @@ def _is_loss(record: Any) -> bool:
     return bool(record["kind"] == "sensor_lost")
 
 
-def _table(cases: Sequence[FaultCase], rows: Sequence[Row], seeds: int) -> Iterator[list[Any]]:
-    for number, case in enumerate(cases):
-        runs = rows[number * seeds : (number + 1) * seeds]
-        yield [
-            case.fault,
-            case.severity,
-            case.car if case.faults else "all",
-            fmean(run["missed"] for run in runs),
-            fmean(run["missed_after"] for run in runs),
-            fmean(run["false"] for run in runs),
-            _slowest(runs, "shown_s"),
-            _slowest(runs, "recovered_s"),
-            sum(run["recovered_s"] is None for run in runs),
-        ]
+def table(settings: FaultsSettings, rows: Sequence[FaultOutcome]) -> list[FaultLine]:
+    """A line for each case."""
+    seeds, cases = len(settings.seeds), axes(settings)["of"]
+    return [_line(case, rows[at * seeds : (at + 1) * seeds]) for at, case in enumerate(cases)]
 
 
-def _slowest(runs: Sequence[Row], name: str) -> float | str:
-    """The largest value of all runs; runs without one count in `not_recovered`."""
-    values = [run[name] for run in runs if run[name] is not None]
-    return max(values) if values else ""
+def _line(case: FaultCase, runs: Sequence[FaultOutcome]) -> FaultLine:
+    return FaultLine(
+        fault=case.fault,
+        severity=case.severity,
+        car=case.car if case.faults else "all",
+        missed=fmean(run.missed for run in runs),
+        missed_after=fmean(run.missed_after for run in runs),
+        false=fmean(run.false for run in runs),
+        shown_s=_slowest(run.shown_s for run in runs),
+        recovered_s=_slowest(run.recovered_s for run in runs),
+        not_recovered=sum(run.recovered_s is None for run in runs),
+    )
+
+
+def _slowest(values_s: Iterable[float | None]) -> float | str:
+    return max((value_s for value_s in values_s if value_s is not None), default="")
+
+
+def summary(results: Results[FaultsSettings, FaultOutcome, FaultLine]) -> str:
+    """How many cases have neither missed nor false warnings."""
+    lines = results.table
+    harmless = sum(line.missed == line.missed_after == line.false == 0 for line in lines)
+    return f"{len(lines)} cases, {harmless} of them without a missed or a false warning"
+
+
+STUDY = Study(
+    name="faults",
+    sentence="What each fault of radio, sensors, clock and computer costs in warnings and time.",
+    settings=FaultsSettings,
+    axes=axes,
+    case=FaultyDrive,
+    run=run,
+    row=FaultOutcome,
+    table=table,
+    line=FaultLine,
+    summary=summary,
+)

@@ -8,10 +8,9 @@ at least `NUISANCE_S` before the other enters it.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -32,9 +31,8 @@ from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.alarms.crossing_meetings import TICK_S, Array, Meeting, MeetingKind, meetings
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
 from sim_rig.studies.campaigns.intervals import wilson
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.joerer.traffic import TrafficSettings
 
 ROLES = "right of way", "yields"
@@ -49,10 +47,6 @@ OTHER = "0a0b0c0d"
 HEADING_SIGMA_RAD = 0.04
 """Of the heading that a receiver keeps at rest."""
 NUISANCE_S = 1.0
-COLUMNS = (
-    "meetings", "role", "hours", "crashes", "warned", "warned_share_at_least", "lead_median_s",
-    "lead_5_percent_s", "nuisances", "per_100_h", "per_100_h_at_most", "warnings_of_near_misses",
-)  # fmt: skip
 
 
 class AlarmSettings(Settings):
@@ -74,67 +68,117 @@ class AlarmSettings(Settings):
     """Thresholds of the alarms."""
 
 
-def run(out_dir: Path, settings: AlarmSettings | None, workers: Workers) -> str:
-    """Run the campaign and write its table.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeetingsCase(Case):
+    """Some meetings of one kind."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster.
-
-    Returns:
-        A summary.
-    """
-    chosen = settings or AlarmSettings()
-    numbers = range(chosen.runs * len(chosen.kinds))
-    rows = run_campaign(run_one, chosen, numbers, out_dir / "runs", workers)
-    table = [
-        _pooled(kind, role, [row["roles"][role] for row in rows if row["meetings"] == kind])
-        for kind, role in product(map(str, chosen.kinds), ROLES)
-    ]
-    write_results(out_dir, COLUMNS, table, chosen)
-    return "; ".join(
-        f"{kind}, {role}: {warned} of {crashes} crashes warned of, {lead_s:.2f} s ahead,"
-        f" {nuisances} nuisances in {hours:.1f} h"
-        for kind, role, hours, crashes, warned, _, lead_s, _, nuisances, *_ in table
-    )
+    kind: MeetingKind
 
 
-def run_one(settings: AlarmSettings, number: int) -> Row:
+def axes(settings: AlarmSettings) -> Axes:
+    """Every kind of meetings."""
+    return {"kind": settings.kinds}
+
+
+@dataclass(slots=True)
+class RoleCounts:
+    """What the driver of one role is warned of in some meetings."""
+
+    hours: float = 0.0
+    leads_s: list[float] = field(default_factory=list)
+    """Of each crash that was warned of: from the warning to the contact."""
+    missed: int = 0
+    """Crashes without a warning."""
+    nuisances: int = 0
+    near_misses: int = 0
+    """Warnings of meetings in which both came as near as `NUISANCE_S` without a contact."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeetingsRow:
+    """Some meetings of one kind."""
+
+    meetings: MeetingKind
+    roles: dict[str, RoleCounts]
+    """By the names of `ROLES`."""
+
+
+@dataclass(frozen=True, slots=True)
+class CrossingLine:
+    """One line of the table: a role in all meetings of one kind; bounds are of 95 % confidence."""
+
+    meetings: str
+    role: str
+    hours: float
+    crashes: int
+    warned: int
+    warned_share_at_least: float
+    lead_median_s: float
+    lead_5_percent_s: float
+    nuisances: int
+    per_100_h: float
+    """Nuisances."""
+    per_100_h_at_most: float
+    warnings_of_near_misses: int
+
+
+def run(settings: AlarmSettings, case: MeetingsCase) -> MeetingsRow:
     """Judge some meetings of one kind, each for both drivers."""
-    rng = np.random.default_rng((settings.seed, number))
-    kind = settings.kinds[number % len(settings.kinds)]
-    roles: dict[str, Row] = {
-        role: {"hours": 0.0, "leads_s": [], "missed": 0, "nuisances": 0, "near_misses": 0}
-        for role in ROLES
-    }
-    for meeting in meetings(kind, settings.traffic, rng):
-        for host, row in enumerate(roles.values()):
+    rng = np.random.default_rng((settings.seed, case.number))
+    roles = {role: RoleCounts() for role in ROLES}
+    for meeting in meetings(case.kind, settings.traffic, rng):
+        for host, counts in enumerate(roles.values()):
             warned_s = list(_warned_s(meeting, host, settings, rng))
-            row["hours"] += len(meeting.speed_m_s) * TICK_S / 3600.0
+            counts.hours += len(meeting.speed_m_s) * TICK_S / 3600.0
             if math.isfinite(meeting.contact_s):
-                row["leads_s"] += [round(meeting.contact_s - at_s, 2) for at_s in warned_s[:1]]
-                row["missed"] += not warned_s
+                counts.leads_s += [round(meeting.contact_s - at_s, 2) for at_s in warned_s[:1]]
+                counts.missed += not warned_s
+            elif meeting.gap_s >= NUISANCE_S:
+                counts.nuisances += len(warned_s)
             else:
-                counted = "nuisances" if meeting.gap_s >= NUISANCE_S else "near_misses"
-                row[counted] += len(warned_s)
-    return {"meetings": kind.value, "roles": roles}
+                counts.near_misses += len(warned_s)
+    return MeetingsRow(case.kind, roles)
 
 
-def _pooled(kind: str, role: str, rows: list[Row]) -> tuple[Any, ...]:
-    """Return one line of the table, with the bounds of 95 % confidence."""
-    leads_s = [lead_s for row in rows for lead_s in row["leads_s"]]
-    hours, missed, nuisances, near_misses = (
-        sum(row[name] for row in rows) for name in ("hours", "missed", "nuisances", "near_misses")
-    )
-    crashes = len(leads_s) + missed
+def table(settings: AlarmSettings, rows: Sequence[MeetingsRow]) -> list[CrossingLine]:
+    """A line for each kind of meetings and role."""
+    return [
+        _pooled(kind, role, [row.roles[role] for row in rows if row.meetings == kind])
+        for kind, role in product(settings.kinds, ROLES)
+    ]
+
+
+def _pooled(kind: MeetingKind, role: str, counts: list[RoleCounts]) -> CrossingLine:
+    leads_s = [lead_s for each in counts for lead_s in each.leads_s]
+    hours = sum(each.hours for each in counts)
+    nuisances = sum(each.nuisances for each in counts)
+    crashes = len(leads_s) + sum(each.missed for each in counts)
     _, least, _ = wilson(len(leads_s) / max(crashes, 1), max(crashes, 1))
     median_s, low_s = np.percentile(leads_s or [math.nan], [50.0, 5.0]).tolist()
     at_most = float(chi2.ppf(0.95, 2 * nuisances + 2)) / 2.0
-    return (
-        kind, role, hours, crashes, len(leads_s), least, median_s, low_s,
-        nuisances, 100.0 * nuisances / hours, 100.0 * at_most / hours, near_misses,
-    )  # fmt: skip
+    return CrossingLine(
+        meetings=kind.value,
+        role=role,
+        hours=hours,
+        crashes=crashes,
+        warned=len(leads_s),
+        warned_share_at_least=least,
+        lead_median_s=median_s,
+        lead_5_percent_s=low_s,
+        nuisances=nuisances,
+        per_100_h=100.0 * nuisances / hours,
+        per_100_h_at_most=100.0 * at_most / hours,
+        warnings_of_near_misses=sum(each.near_misses for each in counts),
+    )
+
+
+def summary(results: Results[AlarmSettings, MeetingsRow, CrossingLine]) -> str:
+    """Crashes and nuisances of each kind and role."""
+    return "; ".join(
+        f"{line.meetings}, {line.role}: {line.warned} of {line.crashes} crashes warned of,"
+        f" {line.lead_median_s:.2f} s ahead, {line.nuisances} nuisances in {line.hours:.1f} h"
+        for line in results.table
+    )
 
 
 def _warned_s(
@@ -218,3 +262,18 @@ def _heading_rad(meeting: Meeting, tick: int, car: int) -> float:
 
 def _before(tick: int, age_s: float) -> int:
     return max(tick - round(age_s / TICK_S), 0)
+
+
+STUDY = Study(
+    name="crossing-alarms",
+    sentence="How early the alarms at crossings warn, what they miss, and how often in vain.",
+    settings=AlarmSettings,
+    axes=axes,
+    repeat=lambda settings: settings.runs,
+    case=MeetingsCase,
+    run=run,
+    row=MeetingsRow,
+    table=table,
+    line=CrossingLine,
+    summary=summary,
+)

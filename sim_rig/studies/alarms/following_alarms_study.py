@@ -8,10 +8,10 @@ does not react.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from itertools import pairwise, product
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -38,8 +38,7 @@ from sim_rig.roads.trace_files import read_trace
 from sim_rig.roads.trajectory_drive import TrajectoryDrive
 from sim_rig.scenario.sensor_settings import SENSOR_PROFILES, ReceiverSettings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 
 START_UTC_S = 1_750_000_000.0
 EVERY_S = 0.1
@@ -51,10 +50,6 @@ LENGTH_M, WIDTH_M, HEIGHT_M = 4.5, 1.8, 1.5
 STEADY_S = 5.0
 """Time of constant speed before a vehicle brakes."""
 WATCHED_S = 3.0
-COLUMNS = (
-    "profile", "hours", "false", "per_10_h", "per_10_h_at_most", "true", "brakings", "warned",
-    "delay_median_s", "delay_95_percent_s", "exact_median_s",
-)  # fmt: skip
 
 
 class FollowingSettings(Settings):
@@ -80,81 +75,131 @@ class FollowingSettings(Settings):
     """Thresholds of the alarms."""
 
 
-def run(out_dir: Path, settings: FollowingSettings | None, workers: Workers) -> str:
-    """Run the campaign and write its table.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowingCase(Case):
+    """One recording with one seed and one profile."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: recordings, seeds and profiles.
-        workers: processes or cluster.
+    file: Path
+    seed: int
+    profile: str
 
-    Returns:
-        A summary.
 
-    Raises:
-        UserError: no recording is named, or no sensor profile has a name.
-    """
-    if settings is None:
-        raise UserError("no recordings; name them with --files '[FILE.csv, ...]'")
+def axes(settings: FollowingSettings) -> Axes:
+    """Every recording with every seed and every profile."""
+    return {"file": settings.files, "seed": settings.seeds, "profile": settings.profiles}
+
+
+@dataclass(slots=True)
+class FollowingRow:
+    """All followers of one recording, and some brakings."""
+
+    profile: str
+    hours: float = 0.0
+    false: int = 0
+    """Warnings that exact gaps and speeds do not raise."""
+    true: int = 0
+    delays_s: list[float | None] = field(default_factory=list)
+    """From each braking to the warning; `None` without one."""
+    exact_s: list[float | None] = field(default_factory=list)
+    """The same with exact gaps and speeds."""
+
+
+@dataclass(frozen=True, slots=True)
+class FollowingLine:
+    """One line of the table: a profile; the bound is of 95 % confidence."""
+
+    profile: str
+    hours: float
+    false: int
+    per_10_h: float
+    """False warnings."""
+    per_10_h_at_most: float
+    true: int
+    brakings: int
+    warned: int
+    delay_median_s: float
+    delay_95_percent_s: float
+    exact_median_s: float
+
+
+def checked(settings: FollowingSettings) -> FollowingSettings:
+    """The settings, if all profiles exist."""
     unknown = set(settings.profiles) - set(SENSOR_PROFILES)
     if unknown:
         raise UserError(f"profiles: {sorted(unknown)}; allowed: {', '.join(SENSOR_PROFILES)}")
-    numbers = range(len(settings.files) * len(settings.seeds) * len(settings.profiles))
-    rows = run_campaign(run_one, settings, numbers, out_dir / "runs", workers)
-    table = [
-        _pooled(profile, [row for row in rows if row["profile"] == profile])
-        for profile in settings.profiles
-    ]
-    write_results(out_dir, COLUMNS, table, settings)
-    return "; ".join(
-        f"{profile}: {false} false in {hours:.1f} h, {delay_s:.2f} s (95 %: {late_s:.2f} s)"
-        for profile, hours, false, _, _, _, _, _, delay_s, late_s, _ in table
-    )
+    return settings
 
 
-def run_one(settings: FollowingSettings, number: int) -> Row:
+def run(settings: FollowingSettings, case: FollowingCase) -> FollowingRow:
     """Follow in one recording, and behind some vehicles that brake."""
-    cases = list(product(settings.files, settings.seeds, settings.profiles))
-    file, seed, profile = cases[number]
-    rng = np.random.default_rng((seed, number))
-    row: Row = {"profile": profile, "hours": 0.0, "false": 0, "true": 0}
-    recording = read_trace(file)
+    rng = np.random.default_rng((case.seed, case.number))
+    row = FollowingRow(case.profile)
+    recording = read_trace(case.file)
     drives: Mapping[str, TrajectoryDrive]
     drives = {each.name: TrajectoryDrive(each, HEIGHT_M) for each in recording.drives}
     for at, (lead, host) in enumerate(pairwise(drives)):
         near = {name: drives[name] for name in list(drives)[max(at - 1, 0) : at + 2]}
-        car = _Follower(near, (lead, host), settings, profile, rng)
+        car = _Follower(near, (lead, host), settings, case.profile, rng)
         warned, exact = car.drive(recording.end_s)
-        row["hours"] += recording.end_s / 3600.0
+        row.hours += recording.end_s / 3600.0
         true = sum(any(abs(at_s - it_s) <= SAME_S for it_s in exact) for at_s in warned)
-        row["true"] += true
-        row["false"] += len(warned) - true
-    row["delays_s"], row["exact_s"] = [], []
+        row.true += true
+        row.false += len(warned) - true
     for _ in range(settings.brakings):
         drives = _braking_pair(settings, float(rng.uniform(*settings.gaps_m)))
-        car = _Follower(drives, ("lead", "host"), settings, profile, rng)
-        for name, at_s in zip(
-            ("delays_s", "exact_s"), car.drive(STEADY_S + WATCHED_S), strict=True
-        ):
-            after = [each for each in at_s if each >= STEADY_S]
-            row[name].append(round(after[0] - STEADY_S, 3) if after else None)
+        car = _Follower(drives, ("lead", "host"), settings, case.profile, rng)
+        warned, exact = car.drive(STEADY_S + WATCHED_S)
+        row.delays_s.append(_delay_s(warned))
+        row.exact_s.append(_delay_s(exact))
     return row
 
 
-def _pooled(profile: str, rows: list[Row]) -> tuple[Any, ...]:
-    """Return one line of the table, with the bound of 95 % confidence."""
-    hours, false, true = (sum(row[name] for row in rows) for name in ("hours", "false", "true"))
+def _delay_s(warned_s: Iterable[float]) -> float | None:
+    """From the braking to the first warning after it."""
+    after = [at_s for at_s in warned_s if at_s >= STEADY_S]
+    return round(after[0] - STEADY_S, 3) if after else None
+
+
+def table(settings: FollowingSettings, rows: Sequence[FollowingRow]) -> list[FollowingLine]:
+    """A line for each profile."""
+    return [
+        _pooled(profile, [row for row in rows if row.profile == profile])
+        for profile in settings.profiles
+    ]
+
+
+def _pooled(profile: str, rows: list[FollowingRow]) -> FollowingLine:
+    hours, false = sum(row.hours for row in rows), sum(row.false for row in rows)
     at_most = float(chi2.ppf(0.95, 2 * false + 2)) / 2.0
-    delays_s, exact_s = (
-        [math.inf if each is None else each for row in rows for each in row[name]]
-        for name in ("delays_s", "exact_s")
-    )
+    delays_s = [_or_never(delay_s) for row in rows for delay_s in row.delays_s]
+    exact_s = [_or_never(delay_s) for row in rows for delay_s in row.exact_s]
     median_s, late_s = np.percentile(delays_s or [math.nan], [50.0, 95.0], method="lower").tolist()
-    return (
-        profile, hours, false, 10.0 * false / hours, 10.0 * at_most / hours, true, len(delays_s),
-        sum(map(math.isfinite, delays_s)), median_s, late_s,
-        float(np.median(exact_s or [math.nan])),
-    )  # fmt: skip
+    return FollowingLine(
+        profile=profile,
+        hours=hours,
+        false=false,
+        per_10_h=10.0 * false / hours,
+        per_10_h_at_most=10.0 * at_most / hours,
+        true=sum(row.true for row in rows),
+        brakings=len(delays_s),
+        warned=sum(map(math.isfinite, delays_s)),
+        delay_median_s=median_s,
+        delay_95_percent_s=late_s,
+        exact_median_s=float(np.median(exact_s or [math.nan])),
+    )
+
+
+def _or_never(delay_s: float | None) -> float:
+    return math.inf if delay_s is None else delay_s
+
+
+def summary(results: Results[FollowingSettings, FollowingRow, FollowingLine]) -> str:
+    """False alarms and delay of each profile."""
+    return "; ".join(
+        f"{line.profile}: {line.false} false in {line.hours:.1f} h, {line.delay_median_s:.2f} s"
+        f" (95 %: {line.delay_95_percent_s:.2f} s)"
+        for line in results.table
+    )
 
 
 def _braking_pair(settings: FollowingSettings, gap_m: float) -> Mapping[str, TrajectoryDrive]:
@@ -265,3 +310,19 @@ def _warnings(monitor: RiskMonitor) -> Iterator[float]:
     for event in iter(monitor.next_event, None):
         if isinstance(event, Alarm) and event.cause is Cause.FCW and event.level is Level.WARNING:
             yield event.stamp_s
+
+
+STUDY = Study(
+    name="following-alarms",
+    sentence="How often FCW warns falsely in recorded platoons, and how late behind who brakes.",
+    settings=FollowingSettings,
+    needs="no recordings; name them with --files '[FILE.csv, ...]'",
+    prepare=checked,
+    axes=axes,
+    case=FollowingCase,
+    run=run,
+    row=FollowingRow,
+    table=table,
+    line=FollowingLine,
+    summary=summary,
+)

@@ -6,8 +6,9 @@ one to one: by motion (position, speed and time between both), or by the phase o
 only other content that could stay. Right by chance is one vehicle of the N that are there.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -18,9 +19,8 @@ from onboard.kinematics.arrays import Array
 from onboard.settings import Settings
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
 from sim_rig.studies.campaigns.intervals import wilson
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource, open_scene
 
 POSITION_SIGMA_M = 0.3
@@ -30,9 +30,6 @@ ACCELERATION_M_S2 = 2.0
 """Sigma of what a driver does during the silence."""
 YAW_RATE_RAD_S = 0.2
 """Sigma of how a driver turns during the silence."""
-COLUMNS = (
-    "linker", "silence_s", "changes", "vehicles", "linked", "share", "least", "most", "chance",
-)  # fmt: skip
 
 
 class LinkerKind(StrEnum):
@@ -56,33 +53,46 @@ class LinkerSettings(Settings):
     """For how long no vehicle sends after the change."""
 
 
-def run(out_dir: Path, settings: LinkerSettings | None, workers: Workers) -> str:
-    """Run all silences and write their table.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SilenceCase(Case):
+    """All changes with one silence."""
 
-    Args:
-        out_dir: folder of table, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster.
-
-    Returns:
-        The shares linked by motion, as a sentence.
-    """
-    chosen = settings or LinkerSettings()
-    numbers = range(len(chosen.silences_s))
-    rows = run_campaign(run_one, chosen, numbers, out_dir / "runs", workers)
-    lines = [line for row in rows for line in row["lines"]]
-    write_results(out_dir, COLUMNS, [[line[name] for name in COLUMNS] for line in lines], chosen)
-    return "; ".join(
-        f"{line['silence_s']:.0f} s: {line['share']:.0%} by motion"
-        for line in lines
-        if line["linker"] == LinkerKind.MOTION.value
-    )
+    silence_s: float
 
 
-def run_one(settings: LinkerSettings, number: int) -> Row:
+def axes(settings: LinkerSettings) -> Axes:
+    """Every silence."""
+    return {"silence_s": settings.silences_s}
+
+
+@dataclass(frozen=True, slots=True)
+class LinkerLine:
+    """One line of the table: what one kind of linker finds; the interval is of 95 %."""
+
+    linker: LinkerKind
+    silence_s: float
+    changes: int
+    vehicles: int
+    """In all changes together."""
+    linked: int
+    share: float
+    least: float
+    most: float
+    chance: float
+    """The share that is right by chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class SilenceRow:
+    """All changes with one silence."""
+
+    lines: list[LinkerLine]
+
+
+def run(settings: LinkerSettings, case: SilenceCase) -> SilenceRow:
     """Link the vehicles of all changes with one silence."""
-    silence_s = settings.silences_s[number]
-    rng = np.random.default_rng((settings.seed, number))
+    silence_s = case.silence_s
+    rng = np.random.default_rng((settings.seed, case.number))
     recording = open_scene(settings.scene).recording
     latest_s = recording.end_s - silence_s - 2.0 * MINIMUM_INTERVAL_S
     times_s = np.linspace(0.1 * latest_s, 0.9 * latest_s, settings.changes)
@@ -115,19 +125,19 @@ def run_one(settings: LinkerSettings, number: int) -> Row:
     for kind in LinkerKind:
         _, least, most = wilson(linked[kind] / max(vehicles, 1), max(vehicles, 1))
         lines.append(
-            {
-                "linker": kind.value,
-                "silence_s": silence_s,
-                "changes": settings.changes,
-                "vehicles": vehicles,
-                "linked": linked[kind],
-                "share": linked[kind] / max(vehicles, 1),
-                "least": least,
-                "most": most,
-                "chance": chance / max(vehicles, 1),
-            }
+            LinkerLine(
+                linker=kind,
+                silence_s=silence_s,
+                changes=settings.changes,
+                vehicles=vehicles,
+                linked=linked[kind],
+                share=linked[kind] / max(vehicles, 1),
+                least=least,
+                most=most,
+                chance=chance / max(vehicles, 1),
+            )
         )
-    return {"lines": lines}
+    return SilenceRow(lines)
 
 
 def motion_cost(before: Array, after: Array, elapsed_s: Array) -> Array:
@@ -188,3 +198,31 @@ def _received(cars: Cars, names: list[str], rng: np.random.Generator) -> Array:
     position_m = cars.middle_m[rows] + rng.normal(0.0, POSITION_SIGMA_M, (len(rows), 2))
     velocity_m_s = cars.velocity_m_s[rows] + rng.normal(0.0, SPEED_SIGMA_M_S, (len(rows), 2))
     return np.hstack([position_m, velocity_m_s])
+
+
+def table(_settings: LinkerSettings, rows: Sequence[SilenceRow]) -> list[LinkerLine]:
+    """A line for each silence and kind of linker."""
+    return [line for row in rows for line in row.lines]
+
+
+def summary(results: Results[LinkerSettings, SilenceRow, LinkerLine]) -> str:
+    """The shares linked by motion."""
+    return "; ".join(
+        f"{line.silence_s:.0f} s: {line.share:.0%} by motion"
+        for line in results.table
+        if line.linker is LinkerKind.MOTION
+    )
+
+
+STUDY = Study(
+    name="linker",
+    sentence="How many vehicles an eavesdropper follows across a change of all pseudonyms.",
+    settings=LinkerSettings,
+    axes=axes,
+    case=SilenceCase,
+    run=run,
+    row=SilenceRow,
+    table=table,
+    line=LinkerLine,
+    summary=summary,
+)
