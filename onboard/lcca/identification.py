@@ -57,10 +57,11 @@ RENEW_S = 2.0
 """Time between inquiries for the BSMs of an identified car that are not heard."""
 SPEED_TIMEOUT_S = 1.0
 """Time for which a sample of the own speed is valid."""
-ANSWER_INTERVAL_S = 0.08
-"""Least time between two answers to one car."""
+ANSWERS_PER_S, ANSWERS_AT_ONCE = 2.0, 3
+"""Answers to one signer in the long run, under however many IDs it asks, and at once: the first one
+may be lost. An answer is larger than an inquiry, and joins an ID to a certificate."""
 MAX_TRACKS, MAX_ASKERS = 16, 64
-"""Tracks whose identity, and askers whose last answer, are remembered."""
+"""Tracks whose identity, and askers whose last answers, are remembered."""
 MAX_ANSWERS, MAX_ASKED = 32, 256
 """Vehicles whose answers, and texts, are remembered of one track."""
 _SPEEDS = 128
@@ -124,7 +125,8 @@ class Identification(Core):
         self._ask_at = self._asked_at = -math.inf
         self._sequence = int(rng.integers(_SEQUENCES))
         self._sequences: deque[int] = deque(maxlen=_VALID_SEQUENCES)
-        self._answered_at: OrderedDict[CarId, float] = OrderedDict()
+        self._answers_due_at: OrderedDict[bytes, float] = OrderedDict()
+        """By asker: when all its answers were due, had they come at `ANSWERS_PER_S`."""
         self._outbox: list[Inquiry | Answer] = []
         self._events: deque[Inquired | Identified | IdentityLost | Discarded] = deque()
 
@@ -228,7 +230,7 @@ class Identification(Core):
         if message.sender_id == self._own_id:
             self._discard("own_echo", message, now)
         elif isinstance(message, Inquiry):
-            self._receive_inquiry(message, now)
+            self._receive_inquiry(message, signer or message.sender_id, now)
         elif message.to_id == self._own_id:
             self._receive_answer(message, signer or message.temporary_id, now)
 
@@ -307,16 +309,17 @@ class Identification(Core):
 
     # Being asked
 
-    def _receive_inquiry(self, inquiry: Inquiry, now: float) -> None:
+    def _receive_inquiry(self, inquiry: Inquiry, asker: bytes, now: float) -> None:
         if not {self._own_id[:NAME_BYTES], self._temporary_id} & set(inquiry.names):
             return
-        if now - self._answered_at.get(inquiry.sender_id, -math.inf) < ANSWER_INTERVAL_S:
+        due_at = max(self._answers_due_at.get(asker, now), now)
+        if due_at - now > (ANSWERS_AT_ONCE - 1) / ANSWERS_PER_S:
             self._discard("too_often", inquiry, now)
             return
-        self._answered_at[inquiry.sender_id] = now
-        self._answered_at.move_to_end(inquiry.sender_id)
-        if len(self._answered_at) > MAX_ASKERS:
-            self._answered_at.popitem(last=False)
+        self._answers_due_at[asker] = due_at + 1.0 / ANSWERS_PER_S
+        self._answers_due_at.move_to_end(asker)
+        if len(self._answers_due_at) > MAX_ASKERS:
+            self._answers_due_at.popitem(last=False)
         self._outbox.append(
             Answer(
                 self._own_id,

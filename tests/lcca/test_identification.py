@@ -5,6 +5,7 @@ import pytest
 
 from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identification import (
+    ANSWERS_AT_ONCE,
     ASK_HEADWAY_S,
     RETRY_MAX_S,
     RETRY_S,
@@ -332,8 +333,26 @@ def test_inquiries_that_come_too_often_are_not_answered() -> None:
     drive = Drive()
     for step in range(100):
         drive.core.receive_message(Inquiry(AHEAD, step, (OWN[:NAME_BYTES],)), None, step * 0.01)
-    assert len(drive.core.messages_to_send()) <= 13
+    assert len(drive.core.messages_to_send()) == ANSWERS_AT_ONCE + 1
     assert set(drive.discarded()) == {"too_often"}
+
+
+def test_one_signer_is_answered_twice_a_second_under_however_many_ids() -> None:
+    drive = Drive()
+    for step in range(1000):
+        inquiry = Inquiry(step.to_bytes(8), step, (OWN[:NAME_BYTES],))
+        drive.core.receive_message(inquiry, b"signer 9", step * 0.01)
+    assert len(drive.core.messages_to_send()) == ANSWERS_AT_ONCE + 19
+
+
+def test_who_asks_too_often_leaves_others_their_answers() -> None:
+    drive = Drive()
+    for step in range(200):
+        inquiry = Inquiry(step.to_bytes(8), step, (OWN[:NAME_BYTES],))
+        drive.core.receive_message(inquiry, b"signer 9", step * 0.01)
+    drive.core.messages_to_send()
+    drive.core.receive_message(Inquiry(AHEAD, 7, (OWN[:NAME_BYTES],)), b"signer 1", 2.0)
+    assert [each.to_id for each in drive.core.messages_to_send()] == [AHEAD]
 
 
 def test_what_was_not_asked_is_discarded() -> None:
