@@ -63,8 +63,7 @@ class _Run(Generic[SettingsT, CaseT, RowT]):
 
     def __call__(self, settings: SettingsT, number: int) -> StoredRow:
         found = self.run(settings, case_of(self.case, self.axes(settings), number))
-        stored: StoredRow = _adapter(self.row).dump_python(found, mode="json", by_alias=True)
-        return stored
+        return _stored(self.row, found)
 
 
 def _no_axes(_settings: Settings) -> Axes:
@@ -147,16 +146,29 @@ class Study(Generic[SettingsT, CaseT, RowT, LineT]):
         """One run, by its number."""
         return self.run(settings, self.case_of(settings, number))
 
-    def rows(self, settings: SettingsT, out_dir: Path, workers: Workers) -> list[RowT]:
-        """All runs, of which those that `out_dir` does not hold are executed."""
+    def rows(
+        self,
+        settings: SettingsT,
+        out_dir: Path,
+        workers: Workers,
+        numbers: Sequence[int] | None = None,
+    ) -> list[RowT]:
+        """These runs, or all; those that `out_dir` does not hold are executed."""
+        numbers = self.numbers(settings) if numbers is None else numbers
         if self.row is None:
-            return [self.one(settings, number) for number in self.numbers(settings)]
+            return [self.one(settings, number) for number in numbers]
         folder = out_dir / self.folder(settings)
         run = _Run(self.axes, self.case, self.run, self.row)
-        numbers = self.numbers(settings)
         stored = run_campaign(run, settings, numbers, folder, workers, name=self.name)
         row: TypeAdapter[RowT] = _adapter(self.row)
-        return [_checked(row, each, f"{folder}, run {at}") for at, each in enumerate(stored)]
+        return [
+            _checked(row, each, f"{folder}, run {number}")
+            for number, each in zip(numbers, stored, strict=True)
+        ]
+
+    def stored(self, row: RowT) -> StoredRow:
+        """The row as it is stored."""
+        return _stored(self.row, row)
 
     def _settings(self, given: SettingsT | None) -> SettingsT:
         if given is not None:
@@ -198,6 +210,11 @@ def _values(line: object) -> list[object]:
 
 def _adapter(row: Any) -> TypeAdapter[Any]:
     return TypeAdapter(row)
+
+
+def _stored(kind: object, row: object) -> StoredRow:
+    stored: StoredRow = _adapter(kind).dump_python(row, mode="json", by_alias=True)
+    return stored
 
 
 def _checked(row: TypeAdapter[RowT], stored: StoredRow, where: str) -> RowT:

@@ -10,8 +10,13 @@ from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
 from sim_rig.studies.rakhshan.chain import without_radio_s
-from sim_rig.studies.rakhshan.csma import ChannelTraffic, RakhshanCsmaSettings, delay_s, run_one
 from sim_rig.studies.rakhshan.highway import draw
+from sim_rig.studies.rakhshan.rakhshan_csma_study import (
+    STUDY,
+    ChannelTraffic,
+    RakhshanCsmaSettings,
+    delay_s,
+)
 
 BSM = ChannelTraffic(name="BSM", beacon_bytes=200)
 LCCA = ChannelTraffic(name="LCCA", beacon_bytes=200, warns=True)
@@ -71,11 +76,11 @@ def test_rarer_beacons_and_a_full_channel_inform_later() -> None:
 def test_a_single_run_gives_the_result_that_it_gives_in_a_campaign() -> None:
     small = RakhshanCsmaSettings(intervals_s=(0.1, 0.6), background_traffic=(0,), traffics=(BSM,))
 
-    rows = [run_one(small, number) for number in range(3)]
+    rows = [STUDY.one(small, number) for number in range(3)]
 
-    assert run_one(small, 2) == rows[2]
+    assert STUDY.one(small, 2) == rows[2]
     assert rows[0] != rows[1]
-    assert all(row["perfect_radio"] <= row["without_radio"] for row in rows)
+    assert all(row.perfect_radio <= row.without_radio for row in rows)
 
 
 def test_one_command_writes_table_and_figure(tmp_path: Path) -> None:

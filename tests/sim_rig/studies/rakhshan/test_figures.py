@@ -10,12 +10,13 @@ from typer.testing import CliRunner
 
 from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.errors import UserError
+from onboard.settings import Settings
 from sim_rig.cli import app
+from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import find_study, study_names
-from sim_rig.studies.rakhshan import drivers, figures
+from sim_rig.studies.rakhshan.best_access import RakhshanSettings, gain, simulate
 from sim_rig.studies.rakhshan.chain import lane_links, reception_delay_s
 from sim_rig.studies.rakhshan.drivers import DriversSettings, fit_population, simulate_reactions
-from sim_rig.studies.rakhshan.figures import RakhshanSettings, gain, simulate
 from sim_rig.studies.rakhshan.highway import (
     Drops,
     RakhshanHighwaySettings,
@@ -27,6 +28,7 @@ from sim_rig.studies.rakhshan.highway import (
     mean_and_error,
     reduction_and_error,
 )
+from sim_rig.studies.rakhshan.rakhshan_sensitivity_study import VARIANTS
 from sim_rig.studies.rakhshan.slotted import (
     SlottedChannel,
     SlottedLinks,
@@ -41,6 +43,10 @@ SMALL = RakhshanSettings(drops=60, access=(0.002, 0.02, 0.1, 0.4))
 
 def drops(settings: RakhshanHighwaySettings, count: int = 20) -> Drops:
     return draw(settings, count, np.random.default_rng(3))
+
+
+def write(name: str, out_dir: Path, settings: Settings | None = None) -> None:
+    find_study(name).write(out_dir, settings, Workers())
 
 
 def read_table(folder: Path) -> list[dict[str, str]]:
@@ -156,7 +162,7 @@ def test_mean_and_half_interval() -> None:
 
 
 def test_figure_9_has_its_maximum_at_a_medium_access_probability(tmp_path: Path) -> None:
-    figures.figure9(tmp_path)
+    write("rakhshan-figure9", tmp_path)
 
     table = read_table(tmp_path)
     far = [float(row["ssp_car_9"]) for row in table]
@@ -167,7 +173,7 @@ def test_figure_9_has_its_maximum_at_a_medium_access_probability(tmp_path: Path)
 
 def test_figure_10_shows_hardly_a_gain_of_driver_based_access(tmp_path: Path) -> None:
     """The paper states 25 %. A radio without delay would not save two percent."""
-    figures.figure10(tmp_path, SMALL)
+    write("rakhshan-figure10", tmp_path, SMALL)
 
     assert len(read_table(tmp_path)) == len(SMALL.access) ** 2
     found = gain(SMALL, simulate(SMALL))
@@ -176,7 +182,7 @@ def test_figure_10_shows_hardly_a_gain_of_driver_based_access(tmp_path: Path) ->
 
 
 def test_figure_11_is_low_near_the_papers_optimum(tmp_path: Path) -> None:
-    figures.figure11(tmp_path, SMALL)
+    write("rakhshan-figure11", tmp_path, SMALL)
 
     table = read_table(tmp_path)
     least = min(table, key=lambda row: float(row["collision_probability"]))
@@ -188,7 +194,7 @@ def test_figure_11_is_low_near_the_papers_optimum(tmp_path: Path) -> None:
 
 def test_the_same_seed_gives_the_same_table(tmp_path: Path) -> None:
     for folder in ("a", "b"):
-        figures.figure11(tmp_path / folder, SMALL)
+        write("rakhshan-figure11", tmp_path / folder, SMALL)
 
     assert read_table(tmp_path / "a") == read_table(tmp_path / "b")
 
@@ -201,9 +207,9 @@ def test_random_labels_keep_the_number_of_unsafe_cars() -> None:
 
 
 def test_sensitivity_runs_every_variant_with_both_kinds_of_labels(tmp_path: Path) -> None:
-    figures.sensitivity(tmp_path, RakhshanSettings(drops=4, access=(0.01, 0.05)))
+    write("rakhshan-sensitivity", tmp_path, RakhshanSettings(drops=4, access=(0.01, 0.05)))
 
-    assert len(read_table(tmp_path)) == 2 * len(figures.VARIANTS)
+    assert len(read_table(tmp_path)) == 2 * len(VARIANTS)
 
 
 def test_too_few_drivers_are_an_error() -> None:
@@ -215,7 +221,7 @@ def test_too_few_drivers_are_an_error() -> None:
 
 
 def test_the_fit_recovers_the_population(tmp_path: Path) -> None:
-    drivers.figure6(tmp_path, DriversSettings(drivers=150, reactions=15))
+    write("rakhshan-figure6", tmp_path, DriversSettings(drivers=150, reactions=15))
 
     fitted = {row["parameter"]: float(row["fitted"]) for row in read_table(tmp_path)}
     assert fitted["beta_1"] == pytest.approx(DEFAULT_POPULATION.coefficients[0], abs=0.07)
@@ -225,7 +231,7 @@ def test_the_fit_recovers_the_population(tmp_path: Path) -> None:
 
 
 def test_a_slow_drivers_estimate_moves_away_from_the_population(tmp_path: Path) -> None:
-    drivers.figure7(tmp_path, DriversSettings(drivers=100))
+    write("rakhshan-figure7", tmp_path, DriversSettings(drivers=100))
 
     medians_s = {row["distribution"]: float(row["median_s"]) for row in read_table(tmp_path)}
     truth_s = medians_s["the driver"]
@@ -237,7 +243,7 @@ def test_a_slow_drivers_estimate_moves_away_from_the_population(tmp_path: Path) 
     "name", [name for name in study_names() if name.startswith(("rakhshan-f", "rakhshan-t"))]
 )
 def test_every_study_can_be_found(name: str) -> None:
-    assert callable(find_study(name))
+    assert find_study(name).name == name
 
 
 def test_one_command_writes_a_figure(tmp_path: Path) -> None:

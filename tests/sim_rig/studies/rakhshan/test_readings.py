@@ -1,6 +1,7 @@
 """Readings of what the paper leaves open, and the tables of the paper, on small samples."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from onboard.settings import SettingsError, parse_settings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
-from sim_rig.studies.rakhshan.figures import RakhshanSettings
+from sim_rig.studies.rakhshan import rakhshan_table1_study, rakhshan_table2_study
+from sim_rig.studies.rakhshan.best_access import RakhshanSettings
 from sim_rig.studies.rakhshan.highway import (
     Drops,
     Labels,
@@ -22,18 +24,16 @@ from sim_rig.studies.rakhshan.highway import (
     road_interference,
 )
 from sim_rig.studies.rakhshan.iterated import iterated_collision_share, iterated_delay_s
-from sim_rig.studies.rakhshan.readings import (
+from sim_rig.studies.rakhshan.rakhshan_readings_study import (
     CHOICES,
     RANGES,
+    REPEATED,
+    STUDY,
     ReadingsSettings,
     has_papers_optimum,
     has_papers_reduction,
     reading,
-    repeat_one,
-    run,
-    run_one,
 )
-from sim_rig.studies.rakhshan.tables import table1, table2
 
 FEW = ReadingsSettings(runs=4, drops=6, repeated=1, repeated_drops=6, access=(0.01, 0.05))
 
@@ -167,13 +167,21 @@ def test_readings_are_in_range_and_each_number_has_its_own() -> None:
 def test_what_agrees_with_the_paper(
     change: dict[str, float], optimum: bool, reduction: bool
 ) -> None:
-    row = {
-        "equal_access": 0.05,
-        "safe_access": 0.01,
-        "unsafe_access": 0.1,
-        "reduction": 0.2,
-        "error_95": 0.05,
-    } | change
+    row = replace(
+        ReadingRow(
+            unsafe_share=0.3,
+            without_radio=0.5,
+            least_with_equal_access=0.4,
+            at_papers_optimum=0.4,
+            equal_access=0.05,
+            safe_access=0.01,
+            unsafe_access=0.1,
+            reduction=0.2,
+            error_95=0.05,
+            perfect_radio=0.02,
+        ),
+        **change,
+    )
 
     assert (has_papers_optimum(row), has_papers_reduction(row)) == (optimum, reduction)
 
@@ -185,12 +193,12 @@ def test_one_command_writes_readings_repeated_ones_and_a_figure(tmp_path: Path) 
 
     table = read_table(tmp_path / "table.csv")
     assert [row["reading"] for row in table] == ["0", "1", "2", "3"]
-    assert float(table[3]["reduction"]) == pytest.approx(run_one(FEW, 3)["reduction"], abs=1e-5)
+    assert float(table[3]["reduction"]) == pytest.approx(STUDY.one(FEW, 3).reduction, abs=1e-5)
     repeated = read_table(tmp_path / "repeated/table.csv")
     assert len(repeated) == 2
     number = int(repeated[0]["reading"])
     assert float(repeated[0]["reduction_at_random"]) == pytest.approx(
-        repeat_one(FEW, number)["reduction_at_random"], abs=1e-5
+        REPEATED.one(FEW, number).reduction_at_random, abs=1e-5
     )
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert summary.count("of 2 readings") == 2
@@ -203,9 +211,9 @@ def test_access_probabilities_must_contain_the_papers() -> None:
 
 @pytest.mark.long
 def test_an_interrupted_search_resumes(tmp_path: Path) -> None:
-    run(tmp_path / "once", FEW)
-    run(tmp_path / "twice", FEW.model_copy(update={"runs": 2}))
-    run(tmp_path / "twice", FEW)
+    STUDY.write(tmp_path / "once", FEW, Workers())
+    STUDY.write(tmp_path / "twice", FEW.model_copy(update={"runs": 2}), Workers())
+    STUDY.write(tmp_path / "twice", FEW, Workers())
 
     assert read_table(tmp_path / "once/table.csv") == read_table(tmp_path / "twice/table.csv")
 
@@ -213,7 +221,7 @@ def test_an_interrupted_search_resumes(tmp_path: Path) -> None:
 def test_table_1_divides_the_collisions_by_kind(tmp_path: Path) -> None:
     settings = RakhshanSettings(drops=60)
 
-    table1(tmp_path, settings)
+    rakhshan_table1_study.STUDY.write(tmp_path, settings, Workers())
 
     table = {(row["information"], row["cars"]): row for row in read_table(tmp_path / "table.csv")}
     drops = draw(settings.highway, 50, np.random.default_rng(settings.seed))
@@ -228,7 +236,8 @@ def test_table_1_divides_the_collisions_by_kind(tmp_path: Path) -> None:
 
 
 def test_table_2_has_a_row_for_each_data_rate(tmp_path: Path) -> None:
-    table2(tmp_path, RakhshanSettings(drops=4, access=(0.01, 0.03)))
+    few = RakhshanSettings(drops=4, access=(0.01, 0.03))
+    rakhshan_table2_study.STUDY.write(tmp_path, few, Workers())
 
     table = read_table(tmp_path / "table.csv")
     assert [float(row["data_rate_mbit_s"]) for row in table] == [3, 4.5, 6, 9, 12, 18, 24]

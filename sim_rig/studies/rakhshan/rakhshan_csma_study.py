@@ -13,7 +13,8 @@ evaluates it.
 
 import heapq
 import math
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -26,8 +27,7 @@ from onboard.settings import Settings
 from sim_rig.radio.channel import Channel
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.scenario.setting_types import Positive, Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Case, Results, Study
 from sim_rig.studies.rakhshan.highway import (
     Drops,
     RakhshanHighwaySettings,
@@ -97,9 +97,40 @@ class RakhshanCsmaSettings(Settings):
     """The paper's highway, and what it leaves open."""
 
 
-def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
+@dataclass(frozen=True, slots=True)
+class HighwayRow:
+    """One highway; all values are shares of its cars."""
+
+    collided: list[list[list[list[float]]]]
+    """By traffic, background traffic, and interval of safe and of unsafe cars."""
+    unsafe: float
+    without_radio: float
+    """Collide with brake lights only."""
+    perfect_radio: float
+    """Collide with a radio without delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalsLine:
+    """One line of the table: a pair of intervals in one traffic, or a bound."""
+
+    traffic: str
+    background_traffic: int
+    safe_interval_s: float | str
+    unsafe_interval_s: float | str
+    collided: float
+    error_95: float
+    reduction: float | str
+    """Compared with the longest interval for all."""
+    reduction_error_95: float | str
+
+
+CsmaResults = Results[RakhshanCsmaSettings, HighwayRow, IntervalsLine]
+
+
+def run(settings: RakhshanCsmaSettings, case: Case) -> HighwayRow:
     """Simulate one highway with all traffics and pairs of intervals."""
-    drop_seed, channel_seed = np.random.SeedSequence([settings.seed, number]).spawn(2)
+    drop_seed, channel_seed = np.random.SeedSequence([settings.seed, case.number]).spawn(2)
     drops = draw(settings.highway, 1, np.random.default_rng(drop_seed))
     unsafe = drops.unsafe[0]
 
@@ -120,77 +151,104 @@ def run_one(settings: RakhshanCsmaSettings, number: int) -> Row:
         ]
         for kind in settings.traffics
     ]
-    return {
-        "collided": collided,
-        "unsafe": float(unsafe.mean()),
-        "without_radio": float(collision_share_without_radio(drops)[0]),
-        "perfect_radio": float(collision_share_with_perfect_radio(drops)[0]),
-    }
+    return HighwayRow(
+        collided=collided,
+        unsafe=float(unsafe.mean()),
+        without_radio=float(collision_share_without_radio(drops)[0]),
+        perfect_radio=float(collision_share_with_perfect_radio(drops)[0]),
+    )
 
 
-def run(
-    out_dir: Path, settings: RakhshanCsmaSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write table, figure and settings.
+def table(settings: RakhshanCsmaSettings, rows: Sequence[HighwayRow]) -> list[IntervalsLine]:
+    """A line for each traffic and pair of intervals, and the two bounds."""
+    lines = []
+    for kind, background_cars, pairs in _pairs(settings, rows):
+        for safe, other in np.ndindex(pairs.shape[:2]):
+            part, error = mean_and_error(pairs[safe, other])
+            lines.append(
+                IntervalsLine(
+                    kind,
+                    background_cars,
+                    settings.intervals_s[safe],
+                    settings.intervals_s[other],
+                    float(part),
+                    float(error),
+                    *reduction_and_error(pairs[safe, other], pairs[-1, -1]),
+                )
+            )
+    for name, shares in (
+        ("brake lights only", [row.without_radio for row in rows]),
+        ("radio without delay", [row.perfect_radio for row in rows]),
+    ):
+        part, error = mean_and_error(np.array(shares))
+        lines.append(IntervalsLine(name, 0, "", "", float(part), float(error), "", ""))
+    return lines
 
-    Args:
-        out_dir: folder of table, figure, settings and runs.
-        settings: of the study; the default ones if None.
-        workers: processes or cluster; this process if None.
 
-    Returns:
-        The reduction of collisions in each traffic, as a sentence.
-    """
-    settings = settings or RakhshanCsmaSettings()
-    rows = run_campaign(run_one, settings, range(settings.drops), out_dir, workers or Workers())
-    collided = np.moveaxis(np.array([row["collided"] for row in rows]), 0, -1)
-    lines: list[tuple[object, ...]] = []
-    summaries = []
+def _pairs(
+    settings: RakhshanCsmaSettings, rows: Sequence[HighwayRow]
+) -> Iterator[tuple[str, int, Array]]:
+    """Traffic, background traffic, and shares of collisions (safe, unsafe, highways)."""
+    collided = np.moveaxis(np.array([row.collided for row in rows]), 0, -1)
     for kind, by_load in zip(settings.traffics, collided, strict=True):
         for background_cars, pairs in zip(settings.background_traffic, by_load, strict=True):
-            equal_s, safe_s, unsafe_s, reduction, error = _gain(settings, pairs)
-            rarest = pairs[-1, -1]
-            for safe, other in np.ndindex(pairs.shape[:2]):
-                part, part_error = mean_and_error(pairs[safe, other])
-                reduction_to_rarest, reduction_error = reduction_and_error(
-                    pairs[safe, other], rarest
+            yield kind.name, background_cars, pairs
+
+
+def summary(results: CsmaResults) -> str:
+    """The reduction of collisions in each traffic."""
+    summaries = []
+    for kind, background_cars, pairs in _pairs(results.settings, results.rows):
+        equal_s, safe_s, unsafe_s, reduction, error = _gain(results.settings, pairs)
+        best = f"best for all {equal_s:g} s, best pair {safe_s:g}/{unsafe_s:g} s"
+        fewer = f"{100 * reduction:.1f} +- {100 * error:.1f} % fewer"
+        summaries.append(f"{kind}, {background_cars} background cars: {best}: {fewer}")
+    without_radio, perfect_radio = (line.collided for line in results.table[-2:])
+    bounds = f"brake lights only {without_radio:.4f}, radio without delay {perfect_radio:.4f}"
+    return "; ".join([*summaries, bounds])
+
+
+def _gain(settings: RakhshanCsmaSettings, pairs: Array) -> tuple[float, float, float, float, float]:
+    """Best equal interval, best pair, and its reduction with error, by the evaluating drops."""
+    half = pairs.shape[-1] // 2
+    means = pairs[..., :half].mean(axis=-1)
+    equal = int(np.argmin(np.diagonal(means)))
+    safe, unsafe = np.unravel_index(int(np.argmin(means)), means.shape)
+    if means[safe, unsafe] == means[equal, equal]:
+        safe = unsafe = np.int64(equal)
+    evaluated = pairs[..., half:]
+    reduction, error = reduction_and_error(evaluated[safe, unsafe], evaluated[equal, equal])
+    intervals = settings.intervals_s
+    return intervals[equal], intervals[safe], intervals[unsafe], reduction, error
+
+
+def picture(results: CsmaResults) -> Figure:
+    """Draw the collision probability over the interval of unsafe cars, for each traffic."""
+    settings = results.settings
+    collided = np.moveaxis(np.array([row.collided for row in results.rows]), 0, -1)
+    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
+    panels = figure.subplots(1, len(settings.background_traffic), sharey=True, squeeze=False)[0]
+    for load, (background_cars, axes) in enumerate(
+        zip(settings.background_traffic, panels, strict=True)
+    ):
+        for at, kind in enumerate(settings.traffics):
+            for safe, safe_s in enumerate(settings.intervals_s):
+                mean, error = mean_and_error(collided[at, load, safe])
+                label = f"{kind.name}, safe cars {safe_s:g} s"
+                axes.errorbar(
+                    settings.intervals_s,
+                    mean,
+                    error,
+                    fmt=("-o", "--s", ":^")[safe % 3],
+                    color=f"C{at}",
+                    ms=3,
+                    capsize=2,
+                    label=label,
                 )
-                intervals_s = settings.intervals_s[safe], settings.intervals_s[other]
-                sizes = (float(part), float(part_error), reduction_to_rarest, reduction_error)
-                lines.append((kind.name, background_cars, *intervals_s, *sizes))
-            best = f"best for all {equal_s:g} s, best pair {safe_s:g}/{unsafe_s:g} s"
-            fewer = f"{100 * reduction:.1f} +- {100 * error:.1f} % fewer"
-            summaries.append(f"{kind.name}, {background_cars} background cars: {best}: {fewer}")
-    without_radio, without_radio_error = mean_and_error(
-        np.array([row["without_radio"] for row in rows])
-    )
-    perfect_radio, perfect_radio_error = mean_and_error(
-        np.array([row["perfect_radio"] for row in rows])
-    )
-    lines.append(
-        ("brake lights only", 0, "", "", float(without_radio), float(without_radio_error), "", "")
-    )
-    lines.append(
-        ("radio without delay", 0, "", "", float(perfect_radio), float(perfect_radio_error), "", "")
-    )
-    columns = (
-        *(
-            "traffic",
-            "background_traffic",
-            "safe_interval_s",
-            "unsafe_interval_s",
-            "collided",
-            "error_95",
-        ),
-        *("reduction", "reduction_error_95"),
-    )
-    write_results(out_dir, columns, lines, settings, _figure(settings, collided))
-    return "; ".join(
-        [
-            *summaries,
-            f"brake lights only {without_radio:.4f}, radio without delay {perfect_radio:.4f}",
-        ]
-    )
+        axes.set(xlabel="interval of unsafe cars in s", title=f"{background_cars} background cars")
+    panels[0].set_ylabel("collision probability")
+    panels[-1].legend(frameon=False, fontsize="x-small")
+    return figure
 
 
 def delay_s(
@@ -370,41 +428,16 @@ class _Propagation:
                 return
 
 
-def _gain(settings: RakhshanCsmaSettings, pairs: Array) -> tuple[float, float, float, float, float]:
-    """Best equal interval, best pair, and its reduction with error, by the evaluating drops."""
-    half = pairs.shape[-1] // 2
-    means = pairs[..., :half].mean(axis=-1)
-    equal = int(np.argmin(np.diagonal(means)))
-    safe, unsafe = np.unravel_index(int(np.argmin(means)), means.shape)
-    if means[safe, unsafe] == means[equal, equal]:
-        safe = unsafe = np.int64(equal)
-    evaluated = pairs[..., half:]
-    reduction, error = reduction_and_error(evaluated[safe, unsafe], evaluated[equal, equal])
-    intervals = settings.intervals_s
-    return intervals[equal], intervals[safe], intervals[unsafe], reduction, error
-
-
-def _figure(settings: RakhshanCsmaSettings, collided: Array) -> Figure:
-    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
-    panels = figure.subplots(1, len(settings.background_traffic), sharey=True, squeeze=False)[0]
-    for load, (background_cars, axes) in enumerate(
-        zip(settings.background_traffic, panels, strict=True)
-    ):
-        for at, kind in enumerate(settings.traffics):
-            for safe, safe_s in enumerate(settings.intervals_s):
-                mean, error = mean_and_error(collided[at, load, safe])
-                label = f"{kind.name}, safe cars {safe_s:g} s"
-                axes.errorbar(
-                    settings.intervals_s,
-                    mean,
-                    error,
-                    fmt=("-o", "--s", ":^")[safe % 3],
-                    color=f"C{at}",
-                    ms=3,
-                    capsize=2,
-                    label=label,
-                )
-        axes.set(xlabel="interval of unsafe cars in s", title=f"{background_cars} background cars")
-    panels[0].set_ylabel("collision probability")
-    panels[-1].legend(frameon=False, fontsize="x-small")
-    return figure
+STUDY = Study(
+    name="rakhshan-csma",
+    sentence="What driver-based access gains on the 802.11p channel, with traffic of LCCA and MVS.",
+    settings=RakhshanCsmaSettings,
+    repeat=lambda settings: settings.drops,
+    case=Case,
+    run=run,
+    row=HighwayRow,
+    table=table,
+    line=IntervalsLine,
+    picture=picture,
+    summary=summary,
+)

@@ -8,7 +8,9 @@ as 0.05 and 25 %.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,10 +19,11 @@ from scipy.stats import qmc
 
 from onboard.settings import Settings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.campaign import StoredRow, Workers
+from sim_rig.studies.campaigns.results import write_settings, write_table
+from sim_rig.studies.campaigns.study import Case, Results, Study, columns
+from sim_rig.studies.rakhshan.best_access import PAPERS_OPTIMUM, RakhshanSettings, gain, simulate
 from sim_rig.studies.rakhshan.chain import Relay
-from sim_rig.studies.rakhshan.figures import PAPERS_OPTIMUM, RakhshanSettings, gain, simulate
 from sim_rig.studies.rakhshan.highway import Labels, RakhshanHighwaySettings, Spacing
 
 PAPERS_REDUCTION = 0.25
@@ -93,72 +96,58 @@ def reading(settings: ReadingsSettings, number: int) -> RakhshanHighwaySettings:
     return settings.highway.model_copy(update=changes)
 
 
-def run_one(settings: ReadingsSettings, number: int) -> Row:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingRow:
+    """One reading; all but the access probabilities are shares of the cars that collide."""
+
+    unsafe_share: float
+    """Of the cars, not of collisions."""
+    without_radio: float
+    least_with_equal_access: float
+    at_papers_optimum: Annotated[float, Field(alias=f"at_{PAPERS_OPTIMUM:g}")]
+    equal_access: float
+    """The best equal probability."""
+    safe_access: float
+    """Of the best pair."""
+    unsafe_access: float
+    reduction: float
+    """By the best pair, compared with the best equal probability."""
+    error_95: float
+    perfect_radio: float
+    """The reduction by a radio without delay."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedRow(ReadingRow):
+    """One reading with other highways."""
+
+    reduction_at_random: float
+    """With random labels, as a control."""
+    error_95_at_random: float
+
+
+ReadingLine = dict[str, object]
+"""One line of the table: the reading's number, what the paper leaves open, and the row."""
+ReadingResults = Results[ReadingsSettings, ReadingRow, ReadingLine]
+
+
+def run(settings: ReadingsSettings, case: Case) -> ReadingRow:
     """Simulate one reading."""
-    return _gain(settings, number, settings.drops, shuffled=False)
+    return ReadingRow(**_gain(settings, case.number, settings.drops, shuffled=False))
 
 
-def repeat_one(settings: ReadingsSettings, number: int) -> Row:
+def repeat(settings: ReadingsSettings, case: Case) -> RepeatedRow:
     """Simulate one reading with other highways, and with random labels."""
     other = settings.model_copy(update={"seed": settings.seed + 1})
-    highway = reading(settings, number)
+    highway, drops = reading(settings, case.number), settings.repeated_drops
     labelled, random = (
-        _gain(other, number, settings.repeated_drops, shuffled=shuffled, highway=highway)
+        _gain(other, case.number, drops, shuffled=shuffled, highway=highway)
         for shuffled in (False, True)
     )
-    return labelled | {
-        "reduction_at_random": random["reduction"],
-        "error_95_at_random": random["error_95"],
-    }
-
-
-def run(
-    out_dir: Path, settings: ReadingsSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write the readings, those that are repeated (`repeated.csv`), figure and settings.
-
-    Args:
-        out_dir: folder of tables, figure, settings and runs.
-        settings: of the study; the default ones if None.
-        workers: processes or cluster; this process if None.
-
-    Returns:
-        How many readings agree with the paper, as a sentence.
-    """
-    settings = settings or ReadingsSettings()
-    workers = workers or Workers()
-    rows = run_campaign(run_one, settings, range(settings.runs), out_dir, workers)
-    best = [
-        number
-        for slots in (0, 1)
-        for number in sorted(
-            range(slots, settings.runs, 2), key=lambda number: -rows[number]["reduction"]
-        )[: settings.repeated]
-    ]
-    repeated = run_campaign(repeat_one, settings, best, out_dir / "repeated", workers)
-    results = list(rows[0])
-    parameters = [*RANGES, *CHOICES]
-
-    def line(number: int, row: Row) -> list[object]:
-        highway = reading(settings, number).model_dump(mode="json")
-        return [number, *(highway[name] for name in parameters), *row.values()]
-
-    write_results(
-        out_dir,
-        ["reading", *parameters, *results],
-        [line(number, row) for number, row in enumerate(rows)],
-        settings,
-        _figure(rows),
-    )
-    write_results(
-        out_dir / "repeated",
-        ["reading", *parameters, *(repeated[0] if repeated else results)],
-        [line(number, row) for number, row in zip(best, repeated, strict=True)],
-        settings,
-    )
-    return "; ".join(
-        f"{name}: {_agreement(some)}"
-        for name, some in (("slots of a packet", rows[::2]), ("longer slots", rows[1::2]))
+    return RepeatedRow(
+        **labelled,
+        reduction_at_random=random["reduction"],
+        error_95_at_random=random["error_95"],
     )
 
 
@@ -169,7 +158,8 @@ def _gain(
     *,
     shuffled: bool,
     highway: RakhshanHighwaySettings | None = None,
-) -> Row:
+) -> dict[str, float]:
+    """The values of a row."""
     study = RakhshanSettings(
         seed=int(np.random.SeedSequence([settings.seed, number]).generate_state(1)[0]),
         drops=drops,
@@ -183,7 +173,7 @@ def _gain(
         "unsafe_share": outcome.unsafe_share,
         "without_radio": float(outcome.without_radio.mean()),
         "least_with_equal_access": float(equal.min()),
-        "at_0.05": float(equal[settings.access.index(PAPERS_OPTIMUM)]),
+        "at_papers_optimum": float(equal[settings.access.index(PAPERS_OPTIMUM)]),
         "equal_access": found.equal_access,
         "safe_access": found.safe_access,
         "unsafe_access": found.unsafe_access,
@@ -193,28 +183,58 @@ def _gain(
     }
 
 
-def has_papers_optimum(row: Row) -> bool:
+def table(settings: ReadingsSettings, rows: Sequence[ReadingRow]) -> list[ReadingLine]:
+    """A line for each reading."""
+    return [_line(settings, number, STUDY.stored(row)) for number, row in enumerate(rows)]
+
+
+def _line(settings: ReadingsSettings, number: int, row: StoredRow) -> ReadingLine:
+    highway = reading(settings, number).model_dump(mode="json")
+    return {"reading": number, **{name: highway[name] for name in (*RANGES, *CHOICES)}, **row}
+
+
+def write_repeated(out_dir: Path, results: ReadingResults, workers: Workers) -> None:
+    """Repeat the readings with the largest reduction, and write them into their own folder."""
+    settings, rows = results.settings, results.rows
+    best = [
+        number
+        for slots in (0, 1)
+        for number in sorted(
+            range(slots, len(rows), 2), key=lambda number: -rows[number].reduction
+        )[: settings.repeated]
+    ]
+    repeated = REPEATED.rows(settings, out_dir, workers, best)
+    lines = [
+        _line(settings, number, REPEATED.stored(row))
+        for number, row in zip(best, repeated, strict=True)
+    ]
+    header = columns(dict, lines or results.table)
+    write_table(out_dir / "repeated", header, [list(line.values()) for line in lines])
+    write_settings(out_dir / "repeated", settings)
+
+
+def has_papers_optimum(row: ReadingRow) -> bool:
     """Whether the best equal probability is the paper's."""
-    return bool(row["equal_access"] == PAPERS_OPTIMUM)
+    return row.equal_access == PAPERS_OPTIMUM
 
 
-def has_papers_reduction(row: Row) -> bool:
+def has_papers_reduction(row: ReadingRow) -> bool:
     """Whether the interval of the reduction reaches the paper's, by a pair as the paper's.
 
     Its unsafe cars send more than p_0, its safe cars less.
     """
-    return bool(
-        row["reduction"] + row["error_95"] >= PAPERS_REDUCTION
-        and row["safe_access"] < row["equal_access"] < row["unsafe_access"]
+    return (
+        row.reduction + row.error_95 >= PAPERS_REDUCTION
+        and row.safe_access < row.equal_access < row.unsafe_access
     )
 
 
-def _agreement(rows: Sequence[Row]) -> str:
-    def count(agrees: Callable[[Row], bool]) -> int:
+def _agreement(rows: Sequence[ReadingRow]) -> str:
+    def count(agrees: Callable[[ReadingRow], bool]) -> int:
         return sum(agrees(row) for row in rows)
 
     both = count(lambda row: has_papers_optimum(row) and has_papers_reduction(row))
-    most = max((row["reduction"] for row in rows), default=math.nan)
+    most = max((row.reduction for row in rows), default=math.nan)
     return (
         f"of {len(rows)} readings {count(has_papers_optimum)} have their optimum at"
         f" {PAPERS_OPTIMUM:g}, {count(has_papers_reduction)} a reduction of"
@@ -222,16 +242,52 @@ def _agreement(rows: Sequence[Row]) -> str:
     )
 
 
-def _figure(rows: Sequence[Row]) -> Figure:
+def picture(results: ReadingResults) -> Figure:
+    """Draw the reduction of each reading over its best equal access probability."""
+    rows = results.rows
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
     rng = np.random.default_rng(0)
     for name, some in (("slots of a packet", rows[::2]), ("longer slots", rows[1::2])):
         # Many readings share an optimum, so the points are spread sideways.
-        access = [row["equal_access"] * math.exp(rng.uniform(-0.12, 0.12)) for row in some]
-        axes.plot(access, [100 * row["reduction"] for row in some], ".", ms=4, label=name)
+        access = [row.equal_access * math.exp(rng.uniform(-0.12, 0.12)) for row in some]
+        axes.plot(access, [100 * row.reduction for row in some], ".", ms=4, label=name)
     axes.plot(PAPERS_OPTIMUM, 100 * PAPERS_REDUCTION, "k*", ms=12, label="paper")
     axes.set(xscale="log", xlabel="best equal channel access probability")
     axes.set_ylabel("fewer collisions by driver-based access, %")
     axes.legend(frameon=False)
     return figure
+
+
+def summary(results: ReadingResults) -> str:
+    """How many readings agree with the paper."""
+    return "; ".join(
+        f"{name}: {_agreement(rows)}"
+        for name, rows in (
+            ("slots of a packet", results.rows[::2]),
+            ("longer slots", results.rows[1::2]),
+        )
+    )
+
+
+STUDY = Study(
+    name="rakhshan-readings",
+    sentence="Which readings of what the paper leaves open give its optimum and its reduction.",
+    settings=ReadingsSettings,
+    repeat=lambda settings: settings.runs,
+    case=Case,
+    run=run,
+    row=ReadingRow,
+    table=table,
+    line=ReadingLine,
+    picture=picture,
+    more=write_repeated,
+    summary=summary,
+)
+REPEATED = replace(
+    STUDY,
+    name="rakhshan-readings, repeated",
+    run=repeat,
+    row=RepeatedRow,
+    folder=lambda _: "repeated",
+)
