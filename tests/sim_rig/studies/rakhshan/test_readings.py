@@ -29,6 +29,7 @@ from sim_rig.studies.rakhshan.rakhshan_readings_study import (
     RANGES,
     REPEATED,
     STUDY,
+    ReadingRow,
     ReadingsSettings,
     has_papers_optimum,
     has_papers_reduction,
