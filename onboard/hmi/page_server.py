@@ -21,6 +21,7 @@ from onboard.errors import UserError
 from onboard.hmi.access_check import AccessCheck
 from onboard.hmi.connection_limiter import ConnectionLimiter
 from onboard.hmi.feed import Feed, FeedReader
+from onboard.hmi.guess_limiter import GuessLimiter
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, with_headers
 from onboard.hmi.recording_files import add_recordings
@@ -40,6 +41,13 @@ _SENT_VIEWS = 256
 """Views whose times of sending are kept for the delay; later confirmations are not measured."""
 _PROBE_S = 0.1
 """Between two samples of the loop's delay."""
+
+_REFUSALS = {
+    "no_token": (401, "This page needs its token: open it once with ?token=..."),
+    "wrong_token": (401, "This is not the token of this page."),
+    "too_many_guesses": (429, "Too many wrong tokens came from this address: wait."),
+}
+"""Status and text, by reason."""
 
 
 class _MalformedRequests(logging.Filter):
@@ -83,6 +91,7 @@ class PageServer:
         token = settings.token
         self._token = None if token is None else token.get_secret_value()
         self._access_check = AccessCheck(self._token)
+        self._guess_limiter = GuessLimiter()
         self._cookie = f"onboard_{settings.port}"
         self._feed: Feed[str] = Feed()
         self._pages: set[web.WebSocketResponse] = set()
@@ -143,8 +152,10 @@ class PageServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         offered = request.query.get("token")
+        if not self._guess_limiter.may_offer(request.remote, time.monotonic()):
+            return self._refuse(request, "too_many_guesses")
         if self._token is not None and request.path == "/" and offered is not None:
-            return self._set_cookie(offered)
+            return self._set_cookie(request, offered)
         headers = request.headers
         refusal = self._access_check.refusal(
             request.host,
@@ -153,25 +164,23 @@ class PageServer:
             headers.get("Authorization"),
         )
         if refusal is not None:
-            return self._refuse(refusal)
+            return self._refuse(request, refusal)
         self._limiter.accept(request.transport)
         return await with_headers(request, handler)
 
-    def _set_cookie(self, offered: str) -> web.Response:
+    def _set_cookie(self, request: web.Request, offered: str) -> web.Response:
         """Turn the token into a cookie, and redirect, so that it does not stay in the address."""
         if not self._access_check.is_token(offered):
-            return self._refuse("wrong_token")
+            return self._refuse(request, "wrong_token")
         response = web.Response(status=303, headers={"Location": "/"} | HEADERS)
         response.set_cookie(self._cookie, offered, httponly=True, samesite="Strict", path="/")
         return response
 
-    def _refuse(self, reason: str) -> web.Response:
+    def _refuse(self, request: web.Request, reason: str) -> web.Response:
         self._metrics.count_refusal(reason)
-        text = {
-            "no_token": "This page needs its token: open it once with ?token=...",
-            "wrong_token": "This is not the token of this page.",
-        }.get(reason, "This page is not served under this name.")
-        status = 401 if reason.endswith("token") else 403
+        if reason == "wrong_token":
+            self._guess_limiter.receive_wrong(request.remote, time.monotonic())
+        status, text = _REFUSALS.get(reason, (403, "This page is not served under this name."))
         return web.Response(status=status, text=text + "\n", headers=HEADERS)
 
     async def _serve_metrics(self, _request: web.Request) -> web.Response:

@@ -13,6 +13,7 @@ import pytest
 from onboard.build import Build, present_build
 from onboard.errors import UserError
 from onboard.hmi.connection_limiter import MOST_CONNECTIONS
+from onboard.hmi.guess_limiter import MOST_AT_ONCE
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
 from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
@@ -250,6 +251,35 @@ def test_without_the_configured_token_every_path_is_refused() -> None:
                 async with unknown.get(it.address + path, params={"token": "x" * 16}) as answer:
                     assert answer.status == 401
             assert await it.status("metrics") == 200
+
+    run(check())
+
+
+@pytest.mark.parametrize("offer", ["address", "cookie", "header"])
+def test_guesses_at_the_token_are_slowed_and_shut_out_nobody_else(offer: str) -> None:
+    async def check() -> None:
+        async with served(token=TOKEN) as it, aiohttp.ClientSession() as guesser:
+            port = int(it.address.rsplit(":", 1)[1].strip("/"))
+            statuses = []
+            for number in range(60):
+                guess = f"{number:016}"
+                more: dict[str, Any] = {
+                    "address": {"params": {"token": guess}},
+                    "cookie": {"cookies": {f"onboard_{port}": guess}},
+                    "header": {"headers": {"Authorization": f"Bearer {guess}"}},
+                }[offer]
+                async with guesser.get(it.address, **more) as answer:
+                    statuses.append(answer.status)
+            assert statuses[:MOST_AT_ONCE] == [401] * MOST_AT_ONCE
+            assert statuses.count(429) > 30
+            async with guesser.get(it.address, params={"token": TOKEN}) as answer:
+                assert answer.status == 429, "not even the right one is told apart"
+            elsewhere = aiohttp.TCPConnector(local_addr=("127.0.0.2", 0))
+            async with (
+                aiohttp.ClientSession(connector=elsewhere) as driver,
+                driver.get(it.address, params={"token": TOKEN}, allow_redirects=False) as answer,
+            ):
+                assert answer.status == 303
 
     run(check())
 
