@@ -1,14 +1,14 @@
 """One real daemon behind a vehicle that brakes repeatedly, without and with background traffic.
 
 The lead vehicle is a stack in this process, and the daemon's other inputs are as cheap as possible,
-so that the daemon and the background traffic (`bsm_load.py`) have the processor.
+so that the daemon and the background traffic (`bsm_load.py`) have the processor. All show one drive
+(`braking_lead.py`): who says that he brakes, and does not in the picture, is not the lead.
 """
 
 import asyncio
 import contextlib
 import itertools
 import json
-import math
 import os
 import socket
 import sys
@@ -44,19 +44,26 @@ from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from sim_rig.run_log.latency_ledger import alarm_stamp_s
 from sim_rig.run_log.run_log import Record, read_trace
 from sim_rig.scenario.car_config import DIGEST
+from sim_rig.studies.soak.braking_lead import (
+    HOST_M_S,
+    LARGEST_GAP_M,
+    LEAST_GAP_M,
+    PERIOD_S,
+    BrakingLead,
+)
 from sim_rig.studies.soak.bsm_load import LATITUDE_DEG, LONGITUDE_DEG
 
 GROUP_WITHIN_S, SETTLE_S = 60.0, 2.0
 LONGEST_UNLOADED_S = 60.0
-PERIOD_S = 1.1
-"""Interval of the brakings."""
 STEP_S = 0.05
 REMOTE_VEHICLES = 300
 IMAGES_HZ, FIXES_HZ = 10.0, 10.0
-GAP_M, TAG_M = 12.0, 0.4
+TAG_M = 0.4
+GAP_STEP_M = 0.02
+"""Between the gaps of which there are images."""
+VIEWS = 4
+"""Images of each gap: a camera that shows the same again has frozen."""
 _VIEW = SMALL_LENS.model_dump()
-_FAST_M_S, _DROP_M_S = 15.0, 4.0
-_MEAN_M_S = _FAST_M_S - _DROP_M_S / 2.0 / PERIOD_S
 _DEG_PER_M = 1.0 / 111_000
 Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
@@ -103,7 +110,7 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
         unloaded_at = time.monotonic() + SETTLE_S
         loaded_at = unloaded_at + unloaded_s
         end_at = loaded_at + during_s
-        testbench.lead.brakes_from_at = unloaded_at
+        testbench.road.brakes_from_at = unloaded_at
         background = await asyncio.create_subprocess_exec(
             *(
                 sys.executable,
@@ -141,10 +148,12 @@ async def load(folder: Path, rate_hz: float, during_s: float) -> Load:
 class _LeadVehicle:
     """The cores of the lead vehicle, with their own wire to the daemon."""
 
-    def __init__(self, credentials: Credentials, unit: socket.socket, port: int) -> None:
+    def __init__(
+        self, road: BrakingLead, credentials: Credentials, unit: socket.socket, port: int
+    ) -> None:
         self.warned_at: list[float] = []
         """Times at which warnings of a new braking were sent."""
-        self.brakes_from_at = math.inf
+        self._road = road
         self._unit, self._port = unit, port
         self._stack = Stack(
             parse_settings(_config("TAG1"), CarConfig, "ahead"),
@@ -165,15 +174,11 @@ class _LeadVehicle:
         return bool(self._stack.group.followers)
 
     async def drive(self) -> None:
-        """Drive, and brake every `PERIOD_S` from `brakes_from_at` on, until cancelled."""
-        at, ahead_m = time.monotonic(), GAP_M
+        """Drive until cancelled."""
+        at = time.monotonic()
         while True:
-            into_s = (
-                (at - self.brakes_from_at) % PERIOD_S if at >= self.brakes_from_at else PERIOD_S
-            )
-            speed = Speed(at, _speed_m_s(into_s), 0.1, "ahead")
-            ahead_m += speed.speed_m_s * STEP_S
-            observations: list[Input] = [speed, _fix(at, ahead_m, speed.speed_m_s)]
+            speed = Speed(at, self._road.lead_m_s(at), 0.1, "ahead")
+            observations: list[Input] = [speed, _fix(at, self._road.lead_m(at), speed.speed_m_s)]
             self._braking.receive_speed(speed, at)
             observations += iter(self._braking.next_event, None)
             self._step(*observations)
@@ -196,13 +201,8 @@ class _LeadVehicle:
                 self._brakes = not event.is_over
 
 
-def _speed_m_s(into_s: float) -> float:
-    """A sawtooth: half a second of braking, half a second of acceleration."""
-    return _FAST_M_S - _DROP_M_S * max(0.0, 1.0 - abs(into_s - 0.5) / 0.5)
-
-
-def _fix(now: float, ahead_m: float, speed_m_s: float) -> Position:
-    latitude_deg = LATITUDE_DEG + ahead_m * _DEG_PER_M
+def _fix(now: float, place_m: float, speed_m_s: float) -> Position:
+    latitude_deg = LATITUDE_DEG + place_m * _DEG_PER_M
     return Position(now, latitude_deg, LONGITUDE_DEG, 0.0, 1.5, speed_m_s, 0.0)
 
 
@@ -214,6 +214,7 @@ def _config(plate: str) -> dict[str, Any]:
 class _DaemonTestbench:
     """The daemon with the other ends of its wires."""
 
+    road: BrakingLead
     lead: _LeadVehicle
     processes: Processes
     port: int
@@ -226,11 +227,12 @@ class _DaemonTestbench:
         trial = make_trial(["own", "ahead", "background"], psids, utc_s, pseudonyms=REMOTE_VEHICLES)
         for name in ("own", "background"):
             write_credentials(folder / name, trial[name])
-        bus = SocketcandServer(Ecu(lambda _now: _MEAN_M_S), "can0", lambda _frame: None)
+        road = BrakingLead(time.monotonic())
+        bus = SocketcandServer(Ecu(lambda _now: HOST_M_S), "can0", lambda _frame: None)
         bus_port = await bus.start()
         wires.push_async_callback(bus.close)
         ports = []
-        for serve in (_serve_camera(), _serve_fixes):
+        for serve in (_camera_server(road), _fixes_server(road)):
             server = await asyncio.start_server(serve, "127.0.0.1", 0)
             wires.callback(server.close)
             ports.append(server.sockets[0].getsockname()[1])
@@ -251,22 +253,18 @@ class _DaemonTestbench:
             "recorder": {"folder": str(folder / "recorder")},
         }
         config["security"]["keys_folder"] = str(folder / "own")
-        config["security"]["check_braking"] = False  # the picture does not show the braking
         (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
         processes = await wires.enter_async_context(Processes(folder))
         await processes.start("car", "-m", "onboard", "run", str(folder / "car.yaml"))
-        return cls(_LeadVehicle(trial["ahead"], unit, port), processes, port)
+        return cls(road, _LeadVehicle(road, trial["ahead"], unit, port), processes, port)
 
 
-def _serve_camera() -> Handler:
-    """Serve MJPEG of a car with a tag a little way ahead, from images rendered before."""
+def _camera_server(road: BrakingLead) -> Handler:
+    """Serve MJPEG of the lead vehicle with a tag, from images rendered before, one for each gap."""
     renderer = CameraRenderer(CameraSettings(source="rig", **_VIEW))
     rng = np.random.default_rng(1)
-    jpegs = []
-    for number in range(10):
-        ahead = SceneCar(ahead_m=GAP_M + 0.05 * number, tag_id=1, tag_side_m=TAG_M)
-        image = renderer.draw(Scene(cars=(ahead,), travelled_m=1.4 * number), rng)
-        jpegs.append(cv2.imencode(".jpg", image)[1].tobytes())
+    gaps_m = np.arange(LEAST_GAP_M, LARGEST_GAP_M + GAP_STEP_M, GAP_STEP_M)
+    jpegs = [[_jpeg(renderer, gap_m, 1.4 * n, rng) for n in range(VIEWS)] for gap_m in gaps_m]
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readuntil(b"\r\n\r\n")
@@ -274,9 +272,11 @@ def _serve_camera() -> Handler:
         writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
         # Without this, a cancelled stream would be logged.
         with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
-            for jpeg in itertools.takewhile(
-                lambda _: not writer.is_closing(), itertools.cycle(jpegs)
-            ):
+            for number in itertools.count():
+                if writer.is_closing():
+                    break
+                gap_m = road.gap_m(time.monotonic())
+                jpeg = jpegs[round((gap_m - LEAST_GAP_M) / GAP_STEP_M)][number % VIEWS]
                 head = b"--image\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
                 writer.write(head + jpeg + b"\r\n")
                 await asyncio.sleep(1 / IMAGES_HZ)
@@ -284,14 +284,25 @@ def _serve_camera() -> Handler:
     return serve
 
 
-async def _serve_fixes(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+def _jpeg(
+    renderer: CameraRenderer, gap_m: float, travelled_m: float, rng: np.random.Generator
+) -> bytes:
+    ahead = SceneCar(ahead_m=gap_m, tag_id=1, tag_side_m=TAG_M)
+    image = renderer.draw(Scene(cars=(ahead,), travelled_m=travelled_m), rng)
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def _fixes_server(road: BrakingLead) -> Handler:
     """Serve the host vehicle's fixes as gpsd does."""
-    began_at = time.monotonic()
-    with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
-        while not writer.is_closing():
-            now = time.monotonic()
-            writer.write(_report(_fix(now, (now - began_at) * _MEAN_M_S, _MEAN_M_S)))
-            await asyncio.sleep(1 / FIXES_HZ)
+
+    async def serve(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.closing(writer), contextlib.suppress(asyncio.CancelledError):
+            while not writer.is_closing():
+                now = time.monotonic()
+                writer.write(_report(_fix(now, road.host_m(now), HOST_M_S)))
+                await asyncio.sleep(1 / FIXES_HZ)
+
+    return serve
 
 
 def _report(fix: Position) -> bytes:
