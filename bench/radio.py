@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from statistics import median
 
 from bench import Figure
-from sim_rig.studies.radio.ns3_validation import RadioSettings, run_one
+from sim_rig.studies.radio.radio_study import STUDY, RadioSettings
 
 ROUNDS = 5
 SECONDS = 4.8
@@ -32,7 +32,7 @@ def measure() -> Iterator[Figure]:
         spent_s = []
         for number in range(ROUNDS):
             began_s = time.process_time()
-            run_one(settings, number)
+            STUDY.one(settings, number)
             spent_s.append((time.process_time() - began_s) / SECONDS)
         yield Figure(
             f"radio.cpu_s_per_s_{cars}_cars{'' if fading == 'none' else '_fading'}",
@@ -48,7 +48,7 @@ def measure() -> Iterator[Figure]:
 def _memory() -> Figure:
     """Peak memory while 400 cars send for two seconds, compared with one matrix of all pairs."""
     tracemalloc.start()
-    run_one(RadioSettings(cars=400, seconds=2.0, spacing_m=5.0), 0)
+    STUDY.one(RadioSettings(cars=400, seconds=2.0, spacing_m=5.0), 0)
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     return Figure(

@@ -105,7 +105,7 @@ class Study(Generic[SettingsT, CaseT, RowT, LineT]):
 
     table: Callable[[SettingsT, Sequence[RowT]], Sequence[LineT]] = lambda *_: ()
     line: type[LineT] | None = None
-    """A dataclass whose fields are the columns, or a dict by column; `None` without a table."""
+    """A dataclass or named tuple whose fields are the columns, or a dict; `None` for no table."""
     picture: "Callable[[Results[SettingsT, RowT, LineT]], Figure] | None" = None
     more: Callable[[Path, Results[SettingsT, RowT, LineT], Workers], None] | None = None
     """Write further files."""
@@ -196,9 +196,11 @@ def case_of(case: type[CaseT], axes: Axes, number: int) -> CaseT:
 
 
 def columns(line: type[object], table: Sequence[object]) -> list[str]:
-    """The header of a table, of lines that are dataclasses or dicts."""
+    """The header of a table, of lines that are dataclasses, named tuples or dicts."""
     if is_dataclass(line):
         return [field.name for field in fields(line)]
+    if named := getattr(line, "_fields", ()):
+        return list(named)
     return [str(name) for first in table[:1] if isinstance(first, Mapping) for name in first]
 
 

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.studies.joerer.approaches import ApproachResults, JoererSettings, run, simulate
+from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.joerer.criticality import (
     BEHAVIOURS,
     UNAVOIDABLE,
     Beacons,
     last_before_unavoidable,
 )
+from sim_rig.studies.joerer.joerer_study import STUDY, ApproachResults, JoererSettings, simulate
 from sim_rig.studies.joerer.radio import BeaconSettings, is_received
 from sim_rig.studies.joerer.traffic import ApproachOutcome, TrafficSettings, simulate_approaches
 
@@ -119,7 +120,7 @@ def test_the_last_beacon_before_unavoidable_is_the_one_before_the_first_at_100_p
 def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
     tiny = JoererSettings(traffic=TrafficSettings(approaches=60, start_m=(60.0, 80.0)))
 
-    summary = run(tmp_path, tiny)
+    summary = STUDY.write(tmp_path, tiny, Workers())
 
     assert "NO_CRASH" in summary
     figures = {f"figure{number}.{kind}" for number in range(5, 11) for kind in ("csv", "png")}
@@ -134,6 +135,6 @@ def test_all_figures_and_the_papers_values_are_written(tmp_path: Path) -> None:
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     tiny = JoererSettings(traffic=TrafficSettings(approaches=20, start_m=(60.0, 80.0)))
     for name in "ab":
-        run(tmp_path / name, tiny)
+        STUDY.write(tmp_path / name, tiny, Workers())
 
     assert (tmp_path / "a/figure6.csv").read_bytes() == (tmp_path / "b/figure6.csv").read_bytes()

@@ -8,11 +8,11 @@ import pytest
 
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
-from sim_rig.studies.joerer.channel import (
+from sim_rig.studies.joerer.joerer_channel_study import (
+    STUDY,
     JoererChannelSettings,
     beacons_of_channel,
     houses,
-    run_one,
 )
 from sim_rig.studies.joerer.radio import BeaconSettings, is_received
 from sim_rig.studies.joerer.traffic import Approaches, TrafficSettings, simulate_approaches
@@ -82,6 +82,6 @@ def test_one_row_has_the_result_that_it_has_in_the_campaign(tmp_path: Path) -> N
     assert {row["start_from_m"] for row in table if row["radio"] == "802.11p"} == {"60"}
     assert {row["cars"] for row in table if row["radio"] == "802.11p"} == {"4"}
     assert float(table[0]["crash_percent"]) == pytest.approx(
-        float(str(run_one(SMALL, 0)["rows"][0][2])), abs=1e-3
+        STUDY.one(SMALL, 0).rows[0].crash_percent, abs=1e-3
     )
     assert (tmp_path / "figure.png").stat().st_size > 10_000

@@ -11,13 +11,13 @@ from sim_rig.cli import app
 from sim_rig.propagation.path_loss import DualSlope, LogDistance, TwoRay
 from sim_rig.radio.channel import Channel
 from sim_rig.studies.campaigns.campaign import Workers
-from sim_rig.studies.radio.ns3_validation import (
-    COLUMNS,
+from sim_rig.studies.campaigns.study import columns
+from sim_rig.studies.radio.radio_study import (
+    STUDY,
+    DistanceLine,
     RadioSettings,
     parse_fading,
     parse_loss,
-    run,
-    run_one,
     table,
 )
 
@@ -54,7 +54,7 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
 
     assert code == 0, output
     rows = read(tmp_path / "radio" / "table.csv")
-    assert tuple(rows[0]) == COLUMNS
+    assert list(rows[0]) == columns(DistanceLine, ())
     assert [float(row["dist_lo_m"]) for row in rows] == [50, 100, 150, 200, 300, 350, 400, 450, 500]
     assert 0.95 < float(rows[0]["pdr"]) <= 1.0
     assert float(rows[-1]["pdr"]) == 0.0
@@ -110,23 +110,23 @@ def test_what_waits_too_long_is_given_up_and_counts_as_sent() -> None:
         cars=2, spacing_m=1.0, payload_bytes=1400, data_rate_mbit_s=3,
         interval_s=0.004, jitter_s=0.004,
     )  # fmt: skip
-    ((_, pdr, _, delay_us, _),) = table([run_one(settings, number) for number in range(2)])
+    (line,) = table(settings, [STUDY.one(settings, number) for number in range(2)])
 
-    assert pdr == pytest.approx(0.630, abs=0.03)
-    assert delay_us == pytest.approx(409e3, rel=0.15)
+    assert line.pdr == pytest.approx(0.630, abs=0.03)
+    assert line.delay_mean_us == pytest.approx(409e3, rel=0.15)
 
 
 def test_other_settings_may_follow_in_the_same_folder(tmp_path: Path) -> None:
     for cars in (3, 4):
         settings = RadioSettings(cars=cars, seeds=1, seconds=1.5)
-        run(tmp_path, settings, Workers())
+        STUDY.write(tmp_path, settings, Workers())
         assert f"cars: {cars}\n" in (tmp_path / "settings.yaml").read_text()
 
 
 def test_a_run_alone_gives_what_it_gives_among_others() -> None:
     settings = RadioSettings(cars=12, seeds=3, seconds=1.5, fading="rayleigh")
 
-    assert run_one(settings, 2) == [run_one(settings, at) for at in range(3)][2]
+    assert STUDY.one(settings, 2) == [STUDY.one(settings, at) for at in range(3)][2]
 
 
 @pytest.mark.long
@@ -142,7 +142,8 @@ def test_delivery_and_delay_agree_with_ns3(
 ) -> None:
     """Each 50 m bin: delivery within 0.03, mean delay within 15 %."""
     settings = RadioSettings(cars=cars, fading=fading, seed=1)
-    ours = {row[0]: row for row in table([run_one(settings, at) for at in range(SEEDS)])}
+    rows = [STUDY.one(settings, at) for at in range(SEEDS)]
+    ours = {line.dist_lo_m: line for line in table(settings, rows)}
 
     reference = [
         row
@@ -151,10 +152,10 @@ def test_delivery_and_delay_agree_with_ns3(
     ]
     assert len(reference) == len(ours)
     for row in reference:
-        _, pdr, _, delay_us, _ = ours[float(row["dist_lo_50m"])]
-        assert pdr == pytest.approx(float(row["pdr_mean"]), abs=0.03)
+        line = ours[float(row["dist_lo_50m"])]
+        assert line.pdr == pytest.approx(float(row["pdr_mean"]), abs=0.03)
         if float(row["pdr_mean"]) > 0.001:  # of a few frames no mean can be compared
-            assert delay_us == pytest.approx(float(row["delay_mean_us"]), rel=0.15)
+            assert line.delay_mean_us == pytest.approx(float(row["delay_mean_us"]), rel=0.15)
 
 
 @pytest.mark.realdata

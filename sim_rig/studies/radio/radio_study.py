@@ -7,8 +7,8 @@ thresholds that are 3 dB lower in a 10 MHz channel.
 
 import heapq
 import zlib
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -23,13 +23,11 @@ from sim_rig.radio.broadcast_channel import broadcast_channel
 from sim_rig.radio.channel import Channel, Reception
 from sim_rig.radio.sidelink import SidelinkChannel
 from sim_rig.scenario.radio_settings import ChannelSettings, CsmaSettings, SidelinkSettings
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-COLUMNS = ("dist_lo_m", "pdr", "pdr_mid", "delay_mean_us", "delay_p95_us")
 BIN_M = 50.0
 _LOSSES: dict[str, type[LogDistance | DualSlope | TwoRay]] = {
     "log-distance": LogDistance,
@@ -156,9 +154,59 @@ class RadioSettings(Settings):
         return np.abs(along_m[:, None] - along_m[None])
 
 
-def run_one(settings: RadioSettings, number: int) -> Row:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioCase(Case):
+    """One seed."""
+
+    seed: int
+
+
+def axes(settings: RadioSettings) -> Axes:
+    """All seeds."""
+    return {"seed": range(settings.seed, settings.seed + settings.seeds)}
+
+
+@dataclass(frozen=True, slots=True)
+class RadioRow:
+    """One seed; all by bin of distance."""
+
+    expected: list[int]
+    """Copies that a loss-free channel would deliver."""
+    received: list[int]
+    expected_mid: list[int]
+    """Of senders in the middle third."""
+    received_mid: list[int]
+    delay_sum_us: list[float]
+    delay_p95_us: list[float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceLine:
+    """One line of the table: a bin of distance.
+
+    As in the reference, `pdr_mid` (senders in the middle third) is 0 where there is no such pair,
+    and delays are empty where nothing was received.
+    """
+
+    dist_lo_m: float
+    pdr: float
+    """Packet delivery ratio."""
+    pdr_mid: float
+    delay_mean_us: float | str
+    delay_p95_us: float | str
+
+
+RadioResults = Results[RadioSettings, RadioRow, DistanceLine]
+
+
+def folder(settings: RadioSettings) -> str:
+    """By a checksum of the settings, so that settings may change in one folder of the study."""
+    return f"runs-{zlib.crc32(settings.model_dump_json().encode()):08x}"
+
+
+def run(settings: RadioSettings, case: RadioCase) -> RadioRow:
     """Simulate one seed, and count frames by bin of distance."""
-    rng = np.random.default_rng(settings.seed + number)
+    rng = np.random.default_rng(case.seed)
     channel = broadcast_channel(settings.channel, settings.cars, rng)
     along_m = settings.spacing_m * np.arange(settings.cars)
     channel.receive_positions(np.column_stack([along_m, np.zeros(settings.cars)]))
@@ -177,66 +225,50 @@ def run_one(settings: RadioSettings, number: int) -> Row:
     pairs[:, 0] -= 1  # a car does not receive its own frames
     bins_received, mid = bin_of[senders, receivers], in_middle[senders]
     by_bin = [delays_us[bins_received == each] for each in range(bins)]
-    return {
-        "expected": (sent @ pairs).tolist(),
-        "received": [len(each) for each in by_bin],
-        "expected_mid": ((sent * in_middle) @ pairs).tolist(),
-        "received_mid": np.bincount(bins_received[mid], minlength=bins).tolist(),
-        "delay_sum_us": [float(each.sum()) for each in by_bin],
-        "delay_p95_us": [float(np.quantile(each, 0.95)) if len(each) else None for each in by_bin],
-    }
+    return RadioRow(
+        expected=(sent @ pairs).tolist(),
+        received=[len(each) for each in by_bin],
+        expected_mid=((sent * in_middle) @ pairs).tolist(),
+        received_mid=np.bincount(bins_received[mid], minlength=bins).tolist(),
+        delay_sum_us=[float(each.sum()) for each in by_bin],
+        delay_p95_us=[float(np.quantile(each, 0.95)) if len(each) else None for each in by_bin],
+    )
 
 
-def table(rows: list[Row]) -> list[tuple[float | str, ...]]:
-    """The table: one line for each bin, in the order of `COLUMNS`.
-
-    As in the reference, `pdr_mid` (senders in the middle third) is 0 where there is no such pair,
-    and delays are empty where nothing was received.
-    """
-
-    def total(name: str) -> Array:
-        summed: Array = np.sum([row[name] for row in rows], axis=0, dtype=float)
-        return summed
-
-    expected, received, sums_us = total("expected"), total("received"), total("delay_sum_us")
-    mid = total("received_mid") / np.maximum(total("expected_mid"), 1.0)
-    lines: list[tuple[float | str, ...]] = []
-    for at in np.flatnonzero(expected).tolist():
-        p95s_us = [row["delay_p95_us"][at] for row in rows if row["delay_p95_us"][at] is not None]
-        delays = (sums_us[at] / received[at], float(np.mean(p95s_us))) if p95s_us else ("", "")
-        lines.append((BIN_M * at, received[at] / expected[at], mid[at], *delays))
-    return lines
-
-
-def run(
-    out_dir: Path, settings: RadioSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write table, figure and settings.
-
-    Args:
-        out_dir: folder of table, figure, settings and runs.
-        settings: of the study; the default ones if None.
-        workers: processes or cluster; this process if None.
-
-    Returns:
-        Delivery ratio and delay of the nearest bin, and the range, as a sentence.
+def table(_settings: RadioSettings, rows: Sequence[RadioRow]) -> list[DistanceLine]:
+    """A line for each bin.
 
     Raises:
         UserError: no frame was sent after the warm-up.
     """
-    settings = settings or RadioSettings()
-    # Runs are stored by a checksum of their settings, so that settings may change in one folder.
-    runs = out_dir / f"runs-{zlib.crc32(settings.model_dump_json().encode()):08x}"
-    rows = run_campaign(run_one, settings, range(settings.seeds), runs, workers or Workers())
-    lines = table(rows)
+
+    def total(name: str) -> Array:
+        summed: Array = np.sum([getattr(row, name) for row in rows], axis=0, dtype=float)
+        return summed
+
+    expected, received, sums_us = total("expected"), total("received"), total("delay_sum_us")
+    mid = total("received_mid") / np.maximum(total("expected_mid"), 1.0)
+    lines = []
+    for at in np.flatnonzero(expected).tolist():
+        p95s_us = [us for row in rows if (us := row.delay_p95_us[at]) is not None]
+        mean_us, p95_us = (
+            (sums_us[at] / received[at], float(np.mean(p95s_us))) if p95s_us else ("", "")
+        )
+        pdr = received[at] / expected[at]
+        lines.append(DistanceLine(BIN_M * at, pdr, mid[at], mean_us, p95_us))
     if not lines:
         raise UserError("radio: no frame was sent between warm_s and seconds")
-    write_results(out_dir, COLUMNS, lines, settings, _figure(settings, lines))
-    _, nearest_pdr, _, delay_us, _ = lines[0]
-    text = f"{settings.cars} cars, {settings.seeds} seeds: nearest {nearest_pdr:.4f} delivered"
-    if delay_us:
-        text += f" after {delay_us:.0f} us"
-    half_m = [float(line[0]) for line in lines if float(line[1]) >= 0.5]
+    return lines
+
+
+def summary(results: RadioResults) -> str:
+    """Delivery ratio and delay of the nearest bin, and the range."""
+    settings, lines = results.settings, results.table
+    nearest = lines[0]
+    text = f"{settings.cars} cars, {settings.seeds} seeds: nearest {nearest.pdr:.4f} delivered"
+    if nearest.delay_mean_us:
+        text += f" after {nearest.delay_mean_us:.0f} us"
+    half_m = [line.dist_lo_m for line in lines if line.pdr >= 0.5]
     reach = f"up to the bin of {max(half_m):g} m" if half_m else "nowhere"
     return f"{text}; at least half {reach}"
 
@@ -269,20 +301,21 @@ def _received_copies(
     return senders, receivers, 1e6 * (np.concatenate([each.at_s for each in receptions]) - queued_s)
 
 
-def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Figure:
+def picture(results: RadioResults) -> Figure:
+    """Draw delivery and delay over the distance."""
+    settings, lines = results.settings, results.table
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     delivered, delays = figure.subplots(2, 1, sharex=True)
-    middle_m = [float(line[0]) + BIN_M / 2.0 for line in lines]
-    delivered.plot(middle_m, [line[1] for line in lines], "o-", ms=3, label="all senders")
-    has_mid = [(at, line[2]) for at, line in zip(middle_m, lines, strict=True) if line[2]]
+    middle_m = [line.dist_lo_m + BIN_M / 2.0 for line in lines]
+    delivered.plot(middle_m, [line.pdr for line in lines], "o-", ms=3, label="all senders")
+    has_mid = [(at, line.pdr_mid) for at, line in zip(middle_m, lines, strict=True) if line.pdr_mid]
     if has_mid:
         delivered.plot(*zip(*has_mid, strict=True), "s--", ms=3, label="middle third")
     delivered.set(ylabel="packet delivery ratio", ylim=(0.0, 1.02))
     delivered.legend(frameon=False)
-    for column, label in ((3, "mean"), (4, "95th percentile")):
-        known = [
-            (at, line[column]) for at, line in zip(middle_m, lines, strict=True) if line[column]
-        ]
+    for column, label in (("delay_mean_us", "mean"), ("delay_p95_us", "95th percentile")):
+        values = [getattr(line, column) for line in lines]
+        known = [(at, value) for at, value in zip(middle_m, values, strict=True) if value]
         if known:
             delays.plot(*zip(*known, strict=True), "o-", ms=3, label=label)
             delays.legend(frameon=False)
@@ -293,3 +326,19 @@ def _figure(settings: RadioSettings, lines: list[tuple[float | str, ...]]) -> Fi
         f" fading {settings.fading}"
     )
     return figure
+
+
+STUDY = Study(
+    name="radio",
+    sentence="How the 802.11p channel delivers in a line of cars, beside ns-3.",
+    settings=RadioSettings,
+    axes=axes,
+    case=RadioCase,
+    run=run,
+    row=RadioRow,
+    folder=folder,
+    table=table,
+    line=DistanceLine,
+    picture=picture,
+    summary=summary,
+)

@@ -2,21 +2,22 @@
 
 import asyncio
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
 from onboard.settings import Settings
-from sim_rig.studies.campaigns.campaign import Workers
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Case, Results, Study
 from sim_rig.studies.soak.fleet import Fleet, resident_bytes
 from sim_rig.studies.soak.load import load
 from sim_rig.studies.soak.testbench import run_daemons
 
 TESTBENCH_S = 30.0
-COLUMNS = ("quantity", "value", "unit")
-Rows = list[tuple[str, float, str]]
+Quantities = list[tuple[str, float, str]]
+"""Each with its value and unit."""
 
 
 class SoakSettings(Settings):
@@ -33,32 +34,40 @@ class SoakSettings(Settings):
     """Virtual time that the fleet drives; 0 skips this part."""
 
 
-def run(out_dir: Path, settings: SoakSettings | None, _workers: Workers) -> str:
-    """Run all parts and write their results.
+@dataclass(frozen=True, slots=True)
+class QuantityLine:
+    """One line of the table."""
 
-    Args:
-        out_dir: folder of table and settings.
-        settings: of the study; the default ones if None.
-        _workers: not used.
+    quantity: str
+    value: float
+    unit: str
 
-    Returns:
-        All results, one a line.
-    """
-    chosen = settings or SoakSettings()
-    rows: Rows = []
-    if chosen.load_s > 0.0:
+
+def run(settings: SoakSettings, _case: Case) -> Quantities:
+    """Run all parts."""
+    rows: Quantities = []
+    if settings.load_s > 0.0:
         with tempfile.TemporaryDirectory() as folder:
-            rows += _load(chosen, Path(folder))
-    if chosen.testbench_cars > 0:
+            rows += _load(settings, Path(folder))
+    if settings.testbench_cars > 0:
         with tempfile.TemporaryDirectory() as folder:
-            rows += _testbench(chosen.testbench_cars, Path(folder))
-    if chosen.fleet_s > 0.0:
-        rows += _fleet(chosen.fleet_s)
-    write_results(out_dir, COLUMNS, rows, chosen)
-    return "\n".join(f"{what}: {value:.4g} {unit}" for what, value, unit in rows)
+            rows += _testbench(settings.testbench_cars, Path(folder))
+    if settings.fleet_s > 0.0:
+        rows += _fleet(settings.fleet_s)
+    return rows
 
 
-def _load(settings: SoakSettings, folder: Path) -> Rows:
+def table(_settings: SoakSettings, rows: Sequence[Quantities]) -> list[QuantityLine]:
+    """A line for each quantity."""
+    return [QuantityLine(*each) for each in rows[0]]
+
+
+def summary(results: Results[SoakSettings, Quantities, QuantityLine]) -> str:
+    """All quantities, one a line."""
+    return "\n".join(f"{line.quantity}: {line.value:.4g} {line.unit}" for line in results.table)
+
+
+def _load(settings: SoakSettings, folder: Path) -> Quantities:
     result = asyncio.run(load(folder, settings.rate_hz, settings.load_s))
     parts = zip(
         ("unloaded", "loaded"),
@@ -87,7 +96,7 @@ def _load(settings: SoakSettings, folder: Path) -> Rows:
     ]
 
 
-def _testbench(cars: int, folder: Path) -> Rows:
+def _testbench(cars: int, folder: Path) -> Quantities:
     result = asyncio.run(run_daemons(folder, cars, TESTBENCH_S))
     return [
         ("daemons at a time", float(cars), ""),
@@ -98,7 +107,7 @@ def _testbench(cars: int, folder: Path) -> Rows:
     ]
 
 
-def _fleet(duration_s: float) -> Rows:
+def _fleet(duration_s: float) -> Quantities:
     fleet = Fleet(np.random.default_rng(1))
     fleet.drive(duration_s / 6.0)
     before = resident_bytes()
@@ -115,3 +124,15 @@ def _fleet(duration_s: float) -> Rows:
 
 def _percentile(values: list[float], percentile: int) -> float:
     return float(np.percentile(values, percentile)) if values else float("nan")
+
+
+STUDY = Study(
+    name="soak",
+    sentence="What load, many daemons and an hour of traffic do to delays and memory.",
+    settings=SoakSettings,
+    case=Case,
+    run=run,
+    table=table,
+    line=QuantityLine,
+    summary=summary,
+)

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import Field
 
 from onboard.settings import Settings
+from sim_rig.studies.campaigns.campaign import Workers
+from sim_rig.studies.campaigns.study import Case, Results, Study
 from sim_rig.studies.joerer.criticality import (
     BEHAVIOURS,
     Beacons,
@@ -104,20 +105,23 @@ def simulate(settings: JoererSettings) -> ApproachResults:
     return ApproachResults(approaches, p_c, beacons)
 
 
-def run(out_dir: Path, settings: JoererSettings | None = None) -> str:
-    """Write tables, figures and settings to `out_dir`; returns the number of each outcome."""
-    settings = settings or JoererSettings()
-    out_dir.mkdir(parents=True, exist_ok=True)
-    results = simulate(settings)
-    text = yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False)
-    (out_dir / "settings.yaml").write_text(text, encoding="utf-8")
-    _outcomes(results, out_dir)
-    _figures_5_6_8(results, out_dir)
-    _figures_7_9(results, out_dir)
-    _figure_10(results, out_dir)
-    _table_3(results, out_dir)
-    _merging(results.approaches, settings, out_dir)
-    counts = np.bincount(results.approaches.outcome, minlength=len(ApproachOutcome))
+def write_files(
+    out_dir: Path, results: Results[JoererSettings, ApproachResults, None], _workers: Workers
+) -> None:
+    """Write all tables and figures."""
+    (found,) = results.rows
+    _outcomes(found, out_dir)
+    _figures_5_6_8(found, out_dir)
+    _figures_7_9(found, out_dir)
+    _figure_10(found, out_dir)
+    _table_3(found, out_dir)
+    _merging(found.approaches, results.settings, out_dir)
+
+
+def summary(results: Results[JoererSettings, ApproachResults, None]) -> str:
+    """The number of each outcome."""
+    outcome = results.rows[0].approaches.outcome
+    counts = np.bincount(outcome, minlength=len(ApproachOutcome))
     return ", ".join(f"{group.name} {counts[group]}" for group in ApproachOutcome)
 
 
@@ -283,3 +287,15 @@ def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) 
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
+
+
+STUDY = Study(
+    name="joerer",
+    sentence="How well the collision probability tells crashes from other approaches.",
+    settings=JoererSettings,
+    takes_settings=False,
+    case=Case,
+    run=lambda settings, _: simulate(settings),
+    more=write_files,
+    summary=summary,
+)

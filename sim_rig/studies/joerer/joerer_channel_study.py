@@ -7,10 +7,9 @@ other stations and channel access. The distances at which the approaches begin, 
 not print, are an axis of their own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -23,8 +22,7 @@ from sim_rig.propagation.shadowing import Building
 from sim_rig.radio.channel import Channel
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.joerer.criticality import (
     BEHAVIOURS,
     UNAVOIDABLE,
@@ -88,6 +86,7 @@ class JoererChannelSettings(Settings):
 class _Crashes:
     """Approaches that end in a crash."""
 
+    start_m: tuple[float, float]
     approaches: Approaches
     p_c: dict[str, Array]
     """(n, ticks) by behaviour, from exact data."""
@@ -95,46 +94,74 @@ class _Crashes:
     """Share of all approaches."""
 
 
-def run_one(settings: JoererChannelSettings, number: int) -> Row:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartCase(Case):
+    """One range of starting distances."""
+
+    start_m: tuple[float, float]
+
+
+def axes(settings: JoererChannelSettings) -> Axes:
+    """All ranges of starting distances."""
+    return {"start_m": settings.start_m}
+
+
+class BeaconsLine(NamedTuple):
+    """One line of the table: beacons of one interval under one kind of reception."""
+
+    start_from_m: float
+    start_to_m: float
+    crash_percent: float
+    radio: str
+    houses_from_m: float | str
+    """Empty without houses."""
+    other_stations: int
+    beacon_interval_s: float
+    cars: int
+    received_percent: float
+    reached_100_percent: float
+    """Cars that receive a beacon with a collision probability of 100 %."""
+    without_lbu_percent: float
+    """Cars that receive no beacon before the crash is unavoidable."""
+    uniform_99: float | str
+    """The collision probability at the last beacon before that, which 99 % of the cars exceed."""
+    uniform_95: float | str
+    triangular_99: float | str
+    triangular_95: float | str
+
+
+@dataclass(frozen=True, slots=True)
+class StartRow:
+    """One range of starting distances."""
+
+    rows: list[BeaconsLine]
+
+
+ChannelResults = Results[JoererChannelSettings, StartRow, BeaconsLine]
+
+
+def run(settings: JoererChannelSettings, case: StartCase) -> StartRow:
     """Simulate the approaches of one range of starting distances, and their beacons."""
-    traffic_seed, radio_seed = np.random.SeedSequence([settings.seed, number]).spawn(2)
-    crashes = _crashes(settings, number, np.random.default_rng(traffic_seed))
+    traffic_seed, radio_seed = np.random.SeedSequence([settings.seed, case.number]).spawn(2)
+    crashes = _crashes(settings, case.start_m, np.random.default_rng(traffic_seed))
     rows = []
     for houses_from_m in settings.houses_from_m:
         rng = np.random.default_rng(radio_seed)
         rows += _rows(settings, crashes, ("Table II", houses_from_m, 0), rng)
-        for others in settings.other_stations if number == 0 else ():
+        for others in settings.other_stations if case.number == 0 else ():
             rng = np.random.default_rng(radio_seed)
             rows += _rows(settings, crashes, ("802.11p", houses_from_m, others), rng)
-    return {"rows": [[*settings.start_m[number], crashes.percent, *row] for row in rows]}
+    return StartRow(rows)
 
 
-def run(
-    out_dir: Path, settings: JoererChannelSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write table, figure and settings.
+def table(_settings: JoererChannelSettings, rows: Sequence[StartRow]) -> list[BeaconsLine]:
+    """All lines of all ranges."""
+    return [line for row in rows for line in row.rows]
 
-    Args:
-        out_dir: folder of table, figure, settings and runs.
-        settings: of the study; the default ones if None.
-        workers: processes or cluster; this process if None.
 
-    Returns:
-        The share of crashes by starting distance, as a sentence.
-    """
-    settings = settings or JoererChannelSettings()
-    results = run_campaign(
-        run_one, settings, range(len(settings.start_m)), out_dir, workers or Workers()
-    )
-    rows = [row for result in results for row in result["rows"]]
-    columns = [
-        "start_from_m", "start_to_m", "crash_percent", "radio", "houses_from_m", "other_stations",
-        "beacon_interval_s", "cars", "received_percent", "reached_100_percent",
-        "without_lbu_percent",
-        *(f"{name}_{success}" for name in BEHAVIOURS for success in (99, 95)),
-    ]  # fmt: skip
-    write_results(out_dir, columns, rows, settings, _figure(columns, rows))
-    shares = {(row[0], row[1]): row[2] for row in rows}
+def summary(results: ChannelResults) -> str:
+    """The share of crashes by starting distance."""
+    shares = {(line.start_from_m, line.start_to_m): line.crash_percent for line in results.table}
     return "; ".join(
         f"start {begin:g} to {end:g} m: {percent:.2f} % crash"
         for (begin, end), percent in shares.items()
@@ -266,13 +293,15 @@ def _placing(
     return place
 
 
-def _crashes(settings: JoererChannelSettings, number: int, rng: np.random.Generator) -> _Crashes:
-    traffic = settings.traffic.model_copy(update={"start_m": settings.start_m[number]})
+def _crashes(
+    settings: JoererChannelSettings, start_m: tuple[float, float], rng: np.random.Generator
+) -> _Crashes:
+    traffic = settings.traffic.model_copy(update={"start_m": start_m})
     approaches = simulate_approaches(traffic, rng)
     is_crash = approaches.outcome == ApproachOutcome.CRASH
     crashed = _some(approaches, np.flatnonzero(is_crash))
     p_c = {name: criticality(crashed, name, traffic) for name in BEHAVIOURS}
-    return _Crashes(crashed, p_c, 100.0 * float(is_crash.mean()))
+    return _Crashes(start_m, crashed, p_c, 100.0 * float(is_crash.mean()))
 
 
 def _some(approaches: Approaches, at: NDArray[np.int64]) -> Approaches:
@@ -292,7 +321,7 @@ def _rows(
     crashes: _Crashes,
     case: tuple[str, float | None, int],
     rng: np.random.Generator,
-) -> list[list[object]]:
+) -> list[BeaconsLine]:
     radio, houses_from_m, others = case
     approaches, p_c_of = crashes.approaches, crashes.p_c
     if radio == "802.11p":
@@ -309,14 +338,16 @@ def _rows(
             for each in by_power.intervals_s
         }
         share = {each: _share(beacons[each], approaches, each, settings.last_s) for each in beacons}
-    rows: list[list[object]] = []
+    rows = []
     cars = 2 * len(approaches.end_s)
     for interval_s, of_interval in beacons.items():
         lbu = {name: last_before_unavoidable(p_c_of[name], of_interval) for name in BEHAVIOURS}
         reached = highest(p_c_of["uniform"], of_interval) >= UNAVOIDABLE
         without = np.isnan(lbu["uniform"])
         rows.append(
-            [
+            BeaconsLine(
+                *crashes.start_m,
+                crashes.percent,
                 radio,
                 "" if houses_from_m is None else houses_from_m,
                 others,
@@ -326,7 +357,7 @@ def _rows(
                 100.0 * float(reached.mean()) if cars else 0.0,
                 100.0 * float(without.mean()) if cars else 0.0,
                 *(_percentile(lbu[name], low) for name in BEHAVIOURS for low in (1, 5)),
-            ]
+            )
         )
     return rows
 
@@ -347,23 +378,36 @@ def _percentile(lbu: Array, low: float) -> float | str:
     return 100.0 * float(np.percentile(finite, low)) if len(finite) else ""
 
 
-def _figure(columns: list[str], rows: list[list[object]]) -> Figure:
+def picture(results: ChannelResults) -> Figure:
     """Draw the threshold for 95 % over the beacon interval, for each radio and house."""
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    at = {name: k for k, name in enumerate(columns)}
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
-        if row[:2] != rows[0][:2] or row[at["uniform_95"]] == "":
+    lines: dict[str, list[tuple[float, float | str]]] = {}
+    for line in results.table:
+        if line[:2] != results.table[0][:2] or line.uniform_95 == "":
             continue
-        where = row[at["houses_from_m"]]
-        name = f"{row[at['radio']]}, " + ("no houses" if where == "" else f"houses from {where} m")
-        name += f", {row[at['other_stations']]} others" if row[at["other_stations"]] else ""
-        x, y = float(str(row[at["beacon_interval_s"]])), float(str(row[at["uniform_95"]]))
-        lines.setdefault(name, []).append((x, y))
+        where = line.houses_from_m
+        name = f"{line.radio}, " + ("no houses" if where == "" else f"houses from {where} m")
+        name += f", {line.other_stations} others" if line.other_stations else ""
+        lines.setdefault(name, []).append((line.beacon_interval_s, line.uniform_95))
     for name, points in lines.items():
         axes.plot(*zip(*points, strict=True), "o-", ms=3, label=name)
     axes.plot([1.0, 0.5, 0.1, 0.04], [25, 48, 87, 95], "k*", ms=10, label="paper")
     axes.set(xscale="log", xlabel="beacon interval, s", ylabel="P_C of LBU, exceeded by 95 %, %")
     axes.legend(frameon=False, fontsize=7)
     return figure
+
+
+STUDY = Study(
+    name="joerer-channel",
+    sentence="Which beacons arrive before a crash at a crossing, by power alone and on a channel.",
+    settings=JoererChannelSettings,
+    axes=axes,
+    case=StartCase,
+    run=run,
+    row=StartRow,
+    table=table,
+    line=BeaconsLine,
+    picture=picture,
+    summary=summary,
+)
