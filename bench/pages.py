@@ -19,7 +19,8 @@ from playwright.async_api import Browser, Page, async_playwright
 
 from bench import Figure
 from onboard.observations import Lead, LeadIdentity, PlateCandidate, Sensor, Speed
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.eebl import EEBL
 from onboard.runtime.driver_page import DriverPage
 from onboard.settings import parse_settings
 from onboard.step import Input
@@ -148,7 +149,7 @@ class _Car:
     def raise_alarm(self, level: Level) -> None:
         """Raise an alarm as the daemon does: event and view in the same step."""
         now = time.monotonic()
-        event: Event = Alarm(now, Cause.EEBL, level, 6.0, ())
+        event: Event = Alarm(now, EEBL, level, 6.0, ())
         self.page.receive_event(event)
         self.page.show(now)
 

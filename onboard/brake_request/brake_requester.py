@@ -19,12 +19,13 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard.brake_request.certainty import PROBABILITY_CAUSES, certainty_of
+from onboard.brake_request.certainty import certainty_of
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.core import Core
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
-from onboard.observations import BrakeCause, Speed
+from onboard.observations import Speed
 from onboard.risk.alarm import Assessment, Cause, Level
+from onboard.risk.alarm_table import row_of
+from onboard.sensors.host_state import BRAKING_SPEED_VALID_S, HostState
 
 VALIDITY_S = 0.3
 """Time for which a request holds: three assessments."""
@@ -33,8 +34,6 @@ HOLD_S = 0.5
 request outlasts its alarm."""
 OLDEST_S = 0.6
 """Age of its newest observation from which an alarm is no reason to brake."""
-SPEED_TIMEOUT_S = 0.5
-"""Time for which a sample of the host's speed is valid."""
 STANDS_M_S = 0.3
 """Below this host speed, and so at 1 km/h by OBD, nothing is requested."""
 COUNTER_END = 256
@@ -95,16 +94,15 @@ class BrakeRequest:
 class BrakeRequester(Core):
     """Decides on requests; is given what the alarms rest on, and the time."""
 
-    def __init__(self, settings: BrakeRequestSettings) -> None:
+    def __init__(self, settings: BrakeRequestSettings, host: HostState) -> None:
         """Start without a request.
 
         Args:
             settings: limits, and certainty of the sources.
+            host: the host vehicle by its sensors, filled by the caller.
         """
         self._settings = settings
-        self._speed: Speed | None = None
-        self._group_causes: dict[tuple[bytes, int], BrakeCause] = {}
-        """Of brakings in the warning group that are not over, by vehicle and sequence number."""
+        self.host = host
         self._state = RequestState.IDLE
         self._certain: set[AlarmKey] = set()
         """Alarms that were certain in this request."""
@@ -116,18 +114,6 @@ class BrakeRequester(Core):
         self._valid_until_s = math.inf
         self._counter = 0
         self._events: deque[BrakeRequest] = deque()
-
-    def receive_speed(self, speed: Speed) -> None:
-        """Take the host vehicle's speed."""
-        self._speed = speed
-
-    def receive_warning(self, warning: WarningRaised | WarningLevel | WarningOver) -> None:
-        """Take a warning of the LCCA group: one by the button is no reason to brake."""
-        key = warning.origin_id, warning.sequence
-        if isinstance(warning, WarningOver):
-            self._group_causes.pop(key, None)
-        else:
-            self._group_causes[key] = warning.cause
 
     def assess(self, assessments: Mapping[AlarmKey, Assessment], now: float) -> None:
         """Take the last assessment of each alarm, at 10 Hz or more often."""
@@ -196,12 +182,13 @@ class BrakeRequester(Core):
         self._counter = (self._counter + 1) % COUNTER_END
 
     def _counts(self, cause: Cause, assessment: Assessment) -> bool:
+        row = row_of(cause)
         if assessment.level is Level.NONE or assessment.value <= 0.0:
             return False
-        if cause is Cause.LCCA and set(self._group_causes.values()) <= {BrakeCause.TEST}:
+        if assessment.is_test or not row.may_brake:
             return False
         ages_s = [each.age_s for each in assessment.reasons if each.what != Speed.kind]
-        return min(ages_s, default=math.inf) <= OLDEST_S or cause is Cause.LCCA
+        return row.tells_its_end or min(ages_s, default=math.inf) <= OLDEST_S
 
     def _take(self, asking: Sequence[tuple[AlarmKey, Assessment, float]], now: float) -> None:
         """Take what several alarms ask for together: the hardest braking."""
@@ -216,14 +203,10 @@ class BrakeRequester(Core):
 
     def _deceleration_m_s2(self, cause: Cause, assessment: Assessment) -> float:
         asked_m_s2 = assessment.value
-        if cause in PROBABILITY_CAUSES:
+        if row_of(cause).is_probability:
             asked_m_s2 = self._settings.crossing_m_s2
         return min(asked_m_s2, self._settings.most_m_s2)
 
     def _host_drives(self, now: float) -> bool:
-        speed = self._speed
-        return (
-            speed is not None
-            and now - speed.stamp_s <= SPEED_TIMEOUT_S
-            and speed.speed_m_s >= STANDS_M_S
-        )
+        speed = self.host.speed(now, BRAKING_SPEED_VALID_S)
+        return speed is not None and speed.speed_m_s >= STANDS_M_S

@@ -3,10 +3,8 @@
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.observations import Lead
 from onboard.risk.alarm import Assessment, Cause
+from onboard.risk.alarm_table import row_of
 from onboard.tracking.perceived_object import ObjectSource
-
-PROBABILITY_CAUSES = frozenset({Cause.IMA, Cause.LTA})
-"""Causes whose value is P_C; that of all others is a deceleration."""
 
 _OWN_SENSORS = frozenset({Lead.kind, ObjectSource.SENSOR.value})
 _RADIO = frozenset({
@@ -31,4 +29,4 @@ def certainty_of(cause: Cause, assessment: Assessment, settings: BrakeRequestSet
         wrong *= 1.0 - settings.own_sensors_certainty
     if sources & _RADIO:
         wrong *= 1.0 - settings.radio_certainty
-    return (1.0 - wrong) * (assessment.value if cause in PROBABILITY_CAUSES else 1.0)
+    return (1.0 - wrong) * (assessment.value if row_of(cause).is_probability else 1.0)

@@ -5,6 +5,7 @@ unavailable (docs/design/messages.md, "BSM without a position").
 """
 
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 from typing_extensions import override
@@ -12,7 +13,6 @@ from typing_extensions import override
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
 from onboard.bsm_transmission.path_prediction import STANDSTILL_M_S, PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
-from onboard.bsm_transmission.turn_signals import TurnSignals
 from onboard.core import Core
 from onboard.kinematics.acceleration import AccelerationEstimator
 from onboard.kinematics.geodesy import distance_m
@@ -27,6 +27,7 @@ from onboard.messages.bsm_core import (
     WheelBrakes,
 )
 from onboard.messages.bsm_safety import (
+    ExteriorLights,
     VehicleEventFlags,
     VehicleSafetyExtensions,
 )
@@ -36,10 +37,12 @@ from onboard.observations import (
     BrakePedal,
     HardBrake,
     Position,
+    Side,
     Speed,
     TurnSignal,
 )
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.turn_signals import TurnSignals
 
 MAX_AGE_S = 1.0
 """Age beyond which speed and brake pedal are sent as unavailable."""
@@ -205,7 +208,7 @@ class BsmTransmitter(Core):
         path, prediction = None, None
         if self._fix(now) is not None:
             path, prediction = self._path.history(now), self._predictor.prediction
-        lights = self._turn_signals.lights(now)
+        lights = _lights(self._turn_signals.on(now))
         safety = None
         if events or path or prediction or lights:
             safety = VehicleSafetyExtensions(events, path, prediction, lights)
@@ -294,6 +297,15 @@ def position_in(core: CoreData, now: float, utc_offset_s: float) -> Position | N
 
 def _is_at_standstill(fix: Position) -> bool:
     return fix.speed_m_s is not None and fix.speed_m_s < STANDSTILL_M_S
+
+
+def _lights(on: AbstractSet[Side]) -> ExteriorLights | None:
+    """Return the turn signals, both as the hazard signal; of other lights nothing is known."""
+    if len(on) == 2:
+        return ExteriorLights.HAZARD_SIGNAL
+    if "left" in on:
+        return ExteriorLights.LEFT_TURN_SIGNAL
+    return ExteriorLights.RIGHT_TURN_SIGNAL if on else None
 
 
 def _sec_mark_s(utc_s: float) -> float:

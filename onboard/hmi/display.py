@@ -38,6 +38,8 @@ from onboard.observations import (
 )
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm_table import Sign, row_of
+from onboard.risk.lcca_warning import LCCA
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -50,7 +52,7 @@ _URGENT = frozenset({
 """Kinds of events that are shown at once."""
 _AlarmKey = tuple[Cause, str]
 """Cause, and name of the vehicle."""
-_LCCA: _AlarmKey = Cause.LCCA, ""
+_LCCA: _AlarmKey = LCCA, ""
 _SAME_VEHICLE_M = 5.0
 """Largest distance along the lane at which a vehicle on the map is the lead vehicle."""
 _HALF_LANE_M = 1.9
@@ -186,11 +188,24 @@ class Display:
             return
         self._in_alarm[key] = frozenset(reason.name for reason in alarm.reasons)
         vehicles_ahead, is_test = None, False
-        if alarm.cause is Cause.LCCA and self._warning is not None:
+        if alarm.cause == LCCA and self._warning is not None:
             vehicles_ahead = self._warning.group_number - self._warning.origin_number
             is_test = self._warning.cause is BrakeCause.TEST
+        row, direction = row_of(alarm.cause), self._direction(alarm)
+        sign, sentence = row.sign, row.sentence
+        if row.from_the_side is not None and direction is not Direction.AHEAD:
+            sign = Sign(direction)
+            sentence = row.from_the_side[direction is Direction.RIGHT]
         self._alarms[key] = AlarmView(
-            alarm.cause, alarm.level, self._direction(alarm), vehicles_ahead, alarm.stamp_s, is_test
+            alarm.cause,
+            alarm.level,
+            direction,
+            vehicles_ahead,
+            alarm.stamp_s,
+            row.headline(alarm.level),
+            sign,
+            sentence,
+            is_test,
         )
 
     def _receive_warning(self, warning: WarningRaised | WarningLevel) -> None:
@@ -202,8 +217,8 @@ class Display:
             self._alarms[_LCCA] = replace(alarm, is_test=is_test, raised_at_s=warning.stamp_s)
 
     def _direction(self, alarm: Alarm) -> Direction:
-        """Return the side of the crossing vehicle; all other alarms are about vehicles ahead."""
-        if alarm.cause not in (Cause.IMA, Cause.LTA):
+        """Return the side of the vehicle; one alarm at a time is about what is ahead."""
+        if not row_of(alarm.cause).of_each_vehicle:
             return Direction.AHEAD
         names = self._in_alarm[alarm.cause, alarm.vehicle]
         for each in self._objects:

@@ -11,6 +11,7 @@ from typing import ClassVar
 from onboard.lcca.transitions import GroupState
 from onboard.observations import LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
+from onboard.risk.alarm_table import Headline, Sign
 from onboard.tracking.perceived_object import ObjectSource
 
 _SHORT_ID_DIGITS = 4
@@ -129,10 +130,14 @@ class AlarmView:
     level: Level
     direction: Direction
     vehicles_ahead: int | None
-    """Position of the braking vehicle in the group, counted from the host vehicle; only for
-    `Cause.LCCA`."""
+    """Position of the braking vehicle in the group, counted from the host vehicle; only for an LCCA
+    warning."""
     raised_at_s: float
     """When it rose to this level; another value sounds anew."""
+    headline: Headline
+    sign: Sign
+    sentence: str
+    """In English."""
     is_test: bool = False
     """Whether nothing brakes: somebody has pressed the button."""
 

@@ -20,6 +20,7 @@ from onboard.lcca.transitions import GroupState
 from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered, Speed
 from onboard.recorder.records import RecorderState
+from onboard.risk import alarm_table
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.trace.trace_line import Event
 
@@ -90,8 +91,8 @@ class Metrics:
         self._refused = counter("onboard_page_refused", "Requests that were refused.", ["reason"])
         for sensor in sensors:
             self._sensor_up.labels(sensor.value).set(1)
-        for cause in Cause:
-            self._alarm_level.labels(cause.value).set(0)
+        for row in alarm_table.ALARMS:
+            self._alarm_level.labels(row.cause).set(0)
         self._present_alarms: dict[tuple[Cause, str], Level] = {}
         """By cause and vehicle."""
         for value in (self._gap, self._speed, self._recording):
@@ -112,7 +113,7 @@ class Metrics:
             case Alarm():
                 self._set_alarm_level(event)
                 if event.level is not Level.NONE:
-                    self._alarms.labels(event.cause.value, event.level.value).inc()
+                    self._alarms.labels(event.cause, event.level.value).inc()
             case SensorRecovered():
                 self._sensor_up.labels(event.sensor.value).set(1)
             case SensorLost():
@@ -155,9 +156,9 @@ class Metrics:
         if alarm.level is Level.NONE:
             del self._present_alarms[alarm.cause, alarm.vehicle]
         ranks = (
-            level.rank for (cause, _), level in self._present_alarms.items() if cause is alarm.cause
+            level.rank for (cause, _), level in self._present_alarms.items() if cause == alarm.cause
         )
-        self._alarm_level.labels(alarm.cause.value).set(max(ranks, default=0))
+        self._alarm_level.labels(alarm.cause).set(max(ranks, default=0))
 
     def _clear(self, sensor: Sensor) -> None:
         """Drop the last value of a lost sensor, which is not the present one."""

@@ -13,10 +13,8 @@ from onboard.messages.lcca import CarId, Warn
 from onboard.misbehaviour.signer_credibility import SignerCredibility
 from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause
+from onboard.risk.alarm_table import row_of
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
-
-IN_LANE_CAUSES = frozenset({Cause.LCCA, Cause.EEBL, Cause.FCW})
-"""True ones slow the traffic ahead down."""
 
 MAX_SIGMA_M_S = 1.0
 """Of a closing speed that shows the lead vehicle slowing down."""
@@ -99,11 +97,11 @@ class AlarmClaims:
 
     def permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         """Whether an assessment may raise an alarm, or keep it on."""
-        slows_traffic = cause in IN_LANE_CAUSES or not self._has_sight
+        slows_traffic = row_of(cause).slows_traffic or not self._has_sight
         for name in dict.fromkeys(reason.name for reason in assessment.reasons):
             signers = self._claimants(name)
             if signers and not self.credibility.permits(
-                cause.value, name, signers, now, slows_traffic=slows_traffic
+                cause, name, signers, now, slows_traffic=slows_traffic
             ):
                 return False
         return True

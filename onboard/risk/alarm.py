@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, NewType
 
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -10,19 +10,8 @@ RELEASE_S = 1.0
 """Time for which a lower level must last before an alarm goes down to it: alarms do not flicker."""
 
 
-class Cause(StrEnum):
-    """Cause of an alarm."""
-
-    LCCA = "lcca"
-    """A member ahead in the warning group brakes hard (LCCA)."""
-    FCW = "fcw"
-    """Forward collision warning: the gap to the lead vehicle closes too fast."""
-    EEBL = "eebl"
-    """Emergency electronic brake lights: a remote vehicle ahead reports hard braking."""
-    IMA = "ima"
-    """Intersection movement assist: paths cross, and P_C is high."""
-    LTA = "lta"
-    """Left turn assist: the host turns left across the path of an oncoming vehicle."""
+Cause = NewType("Cause", str)
+"""Name of an application, which all its alarms have as their cause (`alarm_table.py`)."""
 
 
 class Level(StrEnum):
@@ -59,10 +48,17 @@ class Assessment:
 
     level: Level
     value: float
-    """Required deceleration in m/s^2, or P_C."""
+    """What its cause measures: required deceleration in m/s^2, or a probability."""
     reasons: tuple[AlarmReason, ...]
     vehicle: str = ""
     """Name of the vehicle that it is about; empty for a cause with one alarm at a time."""
+    is_test: bool = False
+    """Whether nothing is dangerous: somebody tests the alarm."""
+
+    @property
+    def urgency(self) -> tuple[int, bool, float]:
+        """The key by which assessments of one cause are ranked."""
+        return self.level.rank, not self.is_test, self.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +70,7 @@ class Alarm:
     cause: Cause
     level: Level
     value: float
-    """Required deceleration in m/s^2 (for IMA and LTA, P_C from 0 to 1) when the level changed."""
+    """That of the assessment when the level changed."""
     reasons: tuple[AlarmReason, ...]
     """Observations that raised it; empty when it ends."""
     vehicle: str = ""

@@ -7,8 +7,8 @@ SLOWEST_S = 1.5
 Transportation Human Factors 2, 2000). For a longer one, alarms would be early for every lead."""
 
 
-def for_driver(settings: FcwSettings, reaction_s: float) -> FcwSettings:
-    """Return the thresholds for a driver whose reaction time is known.
+def for_driver(settings: FcwSettings, reaction_s: float | None) -> FcwSettings:
+    """Return the thresholds for a driver, whose reaction time may be known.
 
     The required deceleration is that after this time, and the times to collision grow by what it
     exceeds `settings.reaction_s`. Nobody is warned later than by `settings`: with 0.7 s, NHTSA's
@@ -16,8 +16,10 @@ def for_driver(settings: FcwSettings, reaction_s: float) -> FcwSettings:
 
     Args:
         settings: for drivers who are not known.
-        reaction_s: median of the driver's reaction times.
+        reaction_s: median of the driver's reaction times; `None` while few are known.
     """
+    if reaction_s is None:
+        return settings
     longer_s = max(min(reaction_s, SLOWEST_S) - settings.reaction_s, 0.0)
     later = ("reaction_s", "caution_ttc_s", "warning_ttc_s")
     return settings.model_copy(update={name: getattr(settings, name) + longer_s for name in later})

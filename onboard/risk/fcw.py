@@ -1,28 +1,30 @@
 """FCW: forward collision warning, by time to collision and required deceleration."""
 
-from collections.abc import Sequence
+from typing import ClassVar
 
-from onboard.observations import BrakePedal, Lead, Speed
-from onboard.risk.alarm import AlarmReason, Assessment, Level
-from onboard.risk.bsm_data import BsmDataStore
+from typing_extensions import override
+
+from onboard.observations import Lead, Speed
+from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
+from onboard.risk.application import Application, Assessed
 from onboard.risk.confirmation import Confirmation
-from onboard.risk.host_braking import HostBraking
-from onboard.risk.path_ahead import PathAhead
+from onboard.risk.driver_reaction import for_driver
 from onboard.risk.required_deceleration import (
     brakes_enough,
     required_deceleration_m_s2,
     time_to_collision_s,
 )
-from onboard.risk.settings import FcwSettings
+from onboard.risk.settings import FcwSettings, RiskSettings
+from onboard.risk.situation import Situation
 from onboard.risk.vehicles_ahead import (
-    LEAD_WINDOW_S,
     SETTLED_SIGMA_M_S,
     CameraLead,
     ObjectsAhead,
     VehicleAhead,
 )
-from onboard.tracking.perceived_object import PerceivedObject
+from onboard.trace.trace_line import Event
 
+FCW = Cause("fcw")
 CONFIRM_S = 0.04
 """Time over which measurements of a vehicle must show a level, unless filtered: one outlier
 raises no alarm."""
@@ -30,78 +32,63 @@ MAX_REPORTED_DECELERATION_M_S2 = 20.0
 """Alarms report no larger required deceleration: no braking is as hard."""
 
 
-class ForwardCollisionWarning:
-    """Assesses the camera's lead vehicle, and every perceived object ahead on the own path."""
+class ForwardCollisionWarning(Application):
+    """Assesses the camera's lead vehicle, and every perceived object ahead on the own path.
 
-    def __init__(self, settings: FcwSettings, own_length_m: float) -> None:
-        """Start without vehicles.
+    Without the host vehicle's speed, nothing is assessed.
+    """
 
-        Args:
-            settings: the thresholds.
-            own_length_m: length of the host vehicle.
-        """
-        self.settings = settings
-        self._braking = HostBraking(LEAD_WINDOW_S)
+    cause = FCW
+    takes: ClassVar = (Lead,)
+
+    def __init__(self, settings: RiskSettings) -> None:
+        """Start without vehicles."""
+        self._settings = settings
         self._camera = CameraLead()
-        self._objects = ObjectsAhead(own_length_m)
+        self._objects = ObjectsAhead()
         self._confirmations: dict[str, Confirmation] = {}
 
-    def receive_speed(self, speed: Speed) -> None:
-        """Take the host vehicle's speed."""
-        self._braking.receive_speed(speed)
+    @override
+    def assess(self, situation: Situation) -> Assessed:
+        """Assess each vehicle ahead."""
+        self._objects.receive(situation)
+        return self._assess_all(situation)
 
-    def receive_pedal(self, pedal: BrakePedal) -> None:
-        """Take the state of the host vehicle's brake pedal."""
-        self._braking.receive_pedal(pedal)
+    @override
+    def receive(self, observation: Event, situation: Situation) -> Assessed:
+        """Take an observation of the lead vehicle, or that there is none."""
+        assert isinstance(observation, Lead)  # noqa: S101 (it takes no other)
+        self._camera.receive(observation, situation.speed)
+        return self._assess_all(situation)
 
-    def receive_lead(self, lead: Lead, speed: Speed | None) -> None:
-        """Take an observation of the lead vehicle, or that there is none.
-
-        Args:
-            lead: the observation.
-            speed: the host vehicle's, if it is known.
-        """
-        self._camera.receive(lead, speed)
-
-    def receive_objects(
-        self,
-        own: PerceivedObject | None,
-        others: Sequence[PerceivedObject],
-        data: BsmDataStore,
-        path: PathAhead,
-        speed: Speed | None,
-    ) -> None:
-        """Take the perceived objects.
-
-        Args:
-            own: the host vehicle; `None` without a position.
-            others: the perceived objects.
-            data: of their BSMs.
-            path: the host vehicle's.
-            speed: the host vehicle's, if it is known.
-        """
-        self._objects.receive(own, others, data, path, speed)
-
-    def assess(self, speed: Speed | None, now: float) -> list[Assessment]:
-        """Assess each vehicle ahead, the most urgent first.
-
-        Args:
-            speed: of the host vehicle; without it nothing is assessed.
-            now: the time.
-        """
+    def _assess_all(self, situation: Situation) -> list[Assessment]:
+        speed = situation.speed
         if speed is None:
             self._confirmations.clear()
             return []
-        vehicles = self._objects.with_lead(self._camera.vehicle(now))
+        if speed.speed_m_s < self._settings.least_speed_m_s:
+            return []
+        vehicles = self._objects.with_lead(self._camera.vehicle(situation.now))
         self._confirmations = {
             vehicle.key: self._confirmations.get(vehicle.key)
             or Confirmation(0.0 if vehicle.is_filtered else CONFIRM_S)
             for vehicle in vehicles
         }
-        assessed = [self._assess(vehicle, speed, now) for vehicle in vehicles]
-        return sorted(assessed, key=lambda each: (each.level.rank, each.value), reverse=True)
+        settings = for_driver(self._settings.fcw, situation.reaction_s)
+        braking_m_s2 = situation.host.braking_m_s2(situation.now)
+        return [
+            self._assess(vehicle, speed, braking_m_s2, settings, situation.now)
+            for vehicle in vehicles
+        ]
 
-    def _assess(self, vehicle: VehicleAhead, speed: Speed, now: float) -> Assessment:
+    def _assess(
+        self,
+        vehicle: VehicleAhead,
+        speed: Speed,
+        braking_m_s2: float | None,
+        settings: FcwSettings,
+        now: float,
+    ) -> Assessment:
         closing_m_s = settled_closing_speed_m_s(
             vehicle.closing_speed_m_s, vehicle.closing_speed_sigma_m_s
         )
@@ -110,8 +97,8 @@ class ForwardCollisionWarning:
             speed.speed_m_s,
             closing_m_s,
             vehicle.deceleration_m_s2,
-            self._braking.at_least_m_s2(now),
-            settings=self.settings,
+            braking_m_s2,
+            settings=settings,
             sigmas=vehicle.place_sigmas,
         )
         host = AlarmReason(speed.kind, speed.source, now - speed.stamp_s)

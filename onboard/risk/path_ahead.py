@@ -20,7 +20,7 @@ from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 RANGE_M = 150.0
 """Farther ahead a vehicle asks for no reaction: 27 m/s stop in 100 m with 4 m/s^2."""
-MAX_LATERAL_M = 2.0
+OWN_LANE_M = 2.0
 """Farther to the side a vehicle is in another lane."""
 MAX_LATERAL_SIGMA_M = 1.3
 """With a larger sigma, the lane is unknown."""
@@ -106,7 +106,7 @@ class PathAhead:
                 return None
         variance = (distance_m**2 / 2.0) ** 2 * curvature.variance
         variance += (distance_m * _VELOCITY_SIGMA_M_S / speed_m_s) ** 2
-        is_open = abs(left_m) <= MAX_LATERAL_M + _FAR_SIGMAS * math.sqrt(variance)
+        is_open = abs(left_m) <= OWN_LANE_M + _FAR_SIGMAS * math.sqrt(variance)
         passed_m = None
         if is_open and variance > _CERTAIN_M**2:
             passed_m = _history_to_the_left_m(history_m(), other, own)
@@ -114,7 +114,7 @@ class PathAhead:
             weight = variance / (variance + HISTORY_SIGMA_M**2)
             left_m += weight * (passed_m - left_m)
             variance *= 1.0 - weight
-        if abs(left_m) <= MAX_LATERAL_M and variance <= MAX_LATERAL_SIGMA_M**2:
+        if abs(left_m) <= OWN_LANE_M and variance <= MAX_LATERAL_SIGMA_M**2:
             return PlaceOnPath(ahead_m, left_m, course_rad)
         return None
 

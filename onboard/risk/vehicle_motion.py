@@ -4,6 +4,8 @@ import math
 
 from onboard.kinematics.acceleration import AccelerationEstimator
 
+TREND_WINDOW_S = 0.8
+"""Window over which the acceleration of a vehicle is estimated that does not report it."""
 _DIGITS = 3
 """Of times of measurements in s, so that the same one is recognised."""
 

@@ -6,18 +6,17 @@ is recognised by gap and closing speed: both are weighed by their variances.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
 from onboard.observations import NEW_LEAD_M, Lead, Speed
 from onboard.risk.alarm import AlarmReason
-from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.path_ahead import PathAhead
+from onboard.risk.situation import Situation
+from onboard.sensors.host_state import BRAKING_WINDOW_S
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
-LEAD_WINDOW_S = 0.6
+LEAD_WINDOW_S = BRAKING_WINDOW_S
 """Window over which decelerations are estimated: ten images a second give six speeds."""
 OBJECT_WINDOW_S = 0.35
 """The same for perceived objects, whose speeds are filtered: four speeds, ten a second."""
@@ -31,7 +30,7 @@ YOUNG_S = 1.0
 with late stamps make a second track of a vehicle, whose speed is wrong by many sigmas."""
 LEAD_TIMEOUT_S = 0.5
 """Time for which an observation of a vehicle is valid."""
-MAX_LATERAL_M = 1.6
+IN_THE_WAY_M = 1.6
 """Farther from the path the middle of a vehicle is in another lane, or beside the road."""
 SAME_SIGMAS = 3.0
 """Gaps and closing speeds that differ by less may be of one vehicle."""
@@ -187,37 +186,29 @@ class CameraLead:
 class ObjectsAhead:
     """The perceived objects ahead on the host vehicle's path."""
 
-    def __init__(self, own_length_m: float) -> None:
-        """Start without objects behind which a vehicle of `own_length_m` could be."""
-        self._own_length_m = own_length_m
+    def __init__(self) -> None:
         self._motions: dict[str, LeadMotion] = {}
         self._vehicles: list[VehicleAhead] = []
 
-    def receive(
-        self,
-        own: PerceivedObject | None,
-        others: Sequence[PerceivedObject],
-        data: BsmDataStore,
-        path: PathAhead,
-        speed: Speed | None,
-    ) -> None:
-        """Take all objects; arguments as of `ForwardCollisionWarning.receive_objects`."""
+    def receive(self, situation: Situation) -> None:
+        """Take all perceived objects."""
+        own, data = situation.own, situation.bsm_data
         motions = {}
         self._vehicles = []
-        for other in others:
+        for other in situation.others:
             is_young = other.source is ObjectSource.SHARED and other.tracked_for_s < YOUNG_S
             if own is None or is_young or other.age_s > LEAD_TIMEOUT_S:
                 continue
-            place = path.place(own, other, partial(data.path_history_m, other.name))
-            if place is None or abs(place.left_m) > MAX_LATERAL_M:
+            place = situation.path.place(own, other, partial(data.path_history_m, other.name))
+            if place is None or abs(place.left_m) > IN_THE_WAY_M:
                 continue
             if data.is_on_another_level(other, place.ahead_m):
                 continue
             length_m, _ = data.size_m(other.name)
-            gap_m = place.ahead_m - (self._own_length_m + length_m) / 2.0
+            gap_m = place.ahead_m - (situation.own_size_m[0] + length_m) / 2.0
             motion = self._motions.get(other.name) or LeadMotion(OBJECT_WINDOW_S)
             motions[other.name] = motion
-            ahead = _vehicle(own, other, gap_m, place.course_rad, motion, speed=speed)
+            ahead = _vehicle(own, other, gap_m, place.course_rad, motion, speed=situation.speed)
             self._vehicles.append(replace(ahead, is_new=other.name not in self._motions))
         self._motions = motions
 

@@ -18,7 +18,6 @@ from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.core import Core
 from onboard.intersections.intersections import Intersections
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.messages.bsm import BasicSafetyMessage
@@ -48,6 +47,7 @@ from onboard.risk.monitor import RiskMonitor
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_sensors import HostSensors
+from onboard.sensors.host_state import HostState
 from onboard.step import Observation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
@@ -115,6 +115,7 @@ class Vehicle(Core):
         self._utc_offset_s = utc_offset_s
         self._bus = bus
         self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
+        self._host = HostState()
         self._misbehaviour = MisbehaviourDetector(check_braking=config.security.check_braking)
         self._claims: AlarmClaims | None = None
         if is_road_side_unit is not None and config.security.check_braking:
@@ -143,11 +144,13 @@ class Vehicle(Core):
         )
         self._intersections = Intersections()
         self._risk = RiskMonitor(
-            config.risk, config.car.length_m, config.car.width_m, self._permits
+            config.risk, config.car.length_m, config.car.width_m, self._permits, self._host
         )
         self._take_reaction_time()
         self._brake_requester = (
-            BrakeRequester(config.brake_request) if config.brake_request is not None else None
+            BrakeRequester(config.brake_request, self._host)
+            if config.brake_request is not None
+            else None
         )
         self._position: Position | None = None
         self._assess_at = self._report_surroundings_at = now
@@ -254,15 +257,14 @@ class Vehicle(Core):
         """Take what a sensor of the vehicle has measured."""
         if not self._sensors.receive_observation(observation, now):
             return
+        self._host.receive(observation)
         match observation:
             case Speed():
                 self._receive_speed(observation, now)
             case BrakePedal():
                 self._transmitter.receive_pedal(observation)
-                self._risk.receive_pedal(observation)
             case TurnSignal():
                 self._transmitter.receive_turn_signal(observation)
-                self._risk.receive_turn_signal(observation)
             case HardBrake():
                 self._lcca.receive_hard_brake(observation, now)
                 self._transmitter.receive_hard_brake(observation, now)
@@ -272,13 +274,13 @@ class Vehicle(Core):
                 self._position = observation
                 self._transmitter.receive_position(observation)
                 self._mvs.receive_position(observation)
-                self._risk.receive_position(observation)
                 self._intersections.receive_position(observation)
             case VehicleDetection():
                 self._mvs.receive_detection(observation)
             case DetectionList():
                 for detection in observation.cars:
                     self._mvs.receive_detection(detection)
+        self._assess_again(observation, now)
         if self._access is not None:
             self._access.receive_observation(observation, now)
             self._take_access(now)
@@ -289,16 +291,11 @@ class Vehicle(Core):
             self._claims.receive_speed(speed.speed_m_s, now)
         self._lcca.receive_speed(speed, now)
         self._transmitter.receive_speed(speed)
-        self._risk.receive_speed(speed)
-        if self._brake_requester is not None:
-            self._brake_requester.receive_speed(speed)
 
     def _receive_lead(self, lead: Lead, now: float) -> None:
         if self._claims is not None:
             self._claims.receive_lead(lead, now)
         self._lcca.receive_lead(lead, now)
-        self._risk.receive_lead(lead, now)
-        self._request_braking(now)
 
     def take_bus(self, now: float) -> None:
         """Receive the observations that the bus puts out."""
@@ -416,6 +413,11 @@ class Vehicle(Core):
             if host_vehicle is not None:
                 self._events.extend([host_vehicle, *self._surroundings[1]])
 
+    def _assess_again(self, event: Event, now: float) -> None:
+        """Let the alarms take an observation or an event at once, between assessments."""
+        if self._risk.receive(event, now):
+            self._request_braking(now)
+
     def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         return self._claims is None or self._claims.permits(cause, assessment, now)
 
@@ -440,11 +442,7 @@ class Vehicle(Core):
     def _take_lcca(self, now: float) -> None:
         for event in self._lcca.take_events(now):
             self._events.append(event)
-            if isinstance(event, WarningRaised | WarningLevel | WarningOver):
-                self._risk.receive_warning(event, now)
-                if self._brake_requester is not None:
-                    self._brake_requester.receive_warning(event)
-                    self._request_braking(now)
+            self._assess_again(event, now)
 
     def _heading_rad(self, now: float) -> float | None:
         """Return the heading, clockwise from north; `None` if it is not known."""

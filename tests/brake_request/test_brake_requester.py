@@ -1,6 +1,6 @@
 """Requests to brake: when they begin, what they ask for, and when they end."""
 
-from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -10,7 +10,6 @@ from onboard.brake_request.brake_requester import (
     COUNTER_END,
     HOLD_S,
     OLDEST_S,
-    SPEED_TIMEOUT_S,
     VALIDITY_S,
     AlarmKey,
     BrakeRequest,
@@ -20,13 +19,17 @@ from onboard.brake_request.brake_requester import (
 )
 from onboard.brake_request.certainty import certainty_of
 from onboard.brake_request.settings import BrakeRequestSettings
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
-from onboard.observations import BrakeCause, Speed
-from onboard.risk.alarm import NOTHING, RELEASE_S, AlarmReason, Assessment, Cause, Level
+from onboard.observations import Speed
+from onboard.risk.alarm import NOTHING, RELEASE_S, AlarmReason, Assessment, Level
+from onboard.risk.eebl import EEBL
+from onboard.risk.fcw import FCW
+from onboard.risk.ima import IMA
+from onboard.risk.lcca_warning import LCCA
+from onboard.sensors.host_state import BRAKING_SPEED_VALID_S, HostState
 
-FCW: AlarmKey = Cause.FCW, ""
-IMA: AlarmKey = Cause.IMA, "7"
-LCCA: AlarmKey = Cause.LCCA, ""
+FCW_ALARM: AlarmKey = FCW, ""
+IMA_ALARM: AlarmKey = IMA, "7"
+LCCA_ALARM: AlarmKey = LCCA, ""
 ORIGIN = bytes(8)
 
 
@@ -42,9 +45,9 @@ def assessment(
 
 
 def requester(speed_m_s: float | None = 20.0, **settings: float) -> BrakeRequester:
-    found = BrakeRequester(BrakeRequestSettings(**settings))
+    found = BrakeRequester(BrakeRequestSettings(**settings), HostState())
     if speed_m_s is not None:
-        found.receive_speed(Speed(0.0, speed_m_s, 0.3, "obd"))
+        found.host.receive(Speed(0.0, speed_m_s, 0.3, "obd"))
     return found
 
 
@@ -59,7 +62,7 @@ def last(core: BrakeRequester) -> BrakeRequest:
 def requesting(**settings: float) -> BrakeRequester:
     """A requester that has put out one request at 0 s."""
     core = requester(**settings)
-    core.assess({FCW: assessment()}, 0.0)
+    core.assess({FCW_ALARM: assessment()}, 0.0)
     (begun,) = requests(core)
     assert begun.deceleration_m_s2 == 5.5
     return core
@@ -69,16 +72,16 @@ def cause(core: BrakeRequester, event: RequestEvent) -> None:
     """Make `event` happen, at a time when the request of `requesting` is still valid."""
     match event:
         case RequestEvent.CERTAIN:
-            core.assess({FCW: assessment()}, 0.1)
+            core.assess({FCW_ALARM: assessment()}, 0.1)
         case RequestEvent.LASTING:
-            core.assess({FCW: assessment(Level.CAUTION)}, 0.1)
+            core.assess({FCW_ALARM: assessment(Level.CAUTION)}, 0.1)
         case RequestEvent.NONE:
             now = HOLD_S + 0.1
-            core.receive_speed(Speed(now, 20.0, 0.3, "obd"))
-            core.assess({FCW: NOTHING}, now)
+            core.host.receive(Speed(now, 20.0, 0.3, "obd"))
+            core.assess({FCW_ALARM: NOTHING}, now)
         case RequestEvent.HOST_STANDS:
-            core.receive_speed(Speed(0.1, 0.0, 0.3, "obd"))
-            core.assess({FCW: assessment()}, 0.1)
+            core.host.receive(Speed(0.1, 0.0, 0.3, "obd"))
+            core.assess({FCW_ALARM: assessment()}, 0.1)
         case RequestEvent.UNASSESSED:
             core.handle_timer(VALIDITY_S)
 
@@ -128,16 +131,16 @@ def test_a_request_ends_unless_it_is_renewed() -> None:
 def test_certainty_is_that_of_the_sources(sources: tuple[str, ...], certainty: float) -> None:
     settings = BrakeRequestSettings()
 
-    assert certainty_of(Cause.FCW, assessment(Level.WARNING, 5.0, *sources), settings) == (
+    assert certainty_of(FCW, assessment(Level.WARNING, 5.0, *sources), settings) == (
         pytest.approx(certainty)
     )
-    assert certainty_of(Cause.IMA, assessment(Level.WARNING, 0.5, *sources), settings) == (
+    assert certainty_of(IMA, assessment(Level.WARNING, 0.5, *sources), settings) == (
         pytest.approx(certainty / 2.0)
     )
 
 
 def test_by_default_radio_alone_requests_nothing() -> None:
-    by_radio = {FCW: assessment(Level.WARNING, 5.5, "perceived_object:bsm")}
+    by_radio = {FCW_ALARM: assessment(Level.WARNING, 5.5, "perceived_object:bsm")}
     core, trusting = requester(), requester(least_certainty=0.7)
     for each in (core, trusting):
         each.assess(by_radio, 0.0)
@@ -148,93 +151,86 @@ def test_by_default_radio_alone_requests_nothing() -> None:
 
 def test_crossing_paths_ask_for_the_configured_braking_if_p_c_is_high() -> None:
     core = requester(least_certainty=0.7, crossing_m_s2=4.0)
-    core.assess({IMA: assessment(Level.WARNING, 0.8, "perceived_object:bsm")}, 0.0)
+    core.assess({IMA_ALARM: assessment(Level.WARNING, 0.8, "perceived_object:bsm")}, 0.0)
     assert requests(core) == []
 
-    core.assess({IMA: assessment(Level.WARNING, 0.95, "perceived_object:bsm")}, 0.1)
+    core.assess({IMA_ALARM: assessment(Level.WARNING, 0.95, "perceived_object:bsm")}, 0.1)
 
     found = last(core)
-    assert (found.deceleration_m_s2, found.causes) == (4.0, (Cause.IMA,))
+    assert (found.deceleration_m_s2, found.causes) == (4.0, (IMA,))
     assert found.certainty == pytest.approx(0.76)
 
 
 def test_the_hardest_braking_counts_and_is_limited() -> None:
     core = requester()
-    core.assess({FCW: assessment(value=3.0), (Cause.EEBL, ""): assessment(value=20.0)}, 0.0)
+    core.assess({FCW_ALARM: assessment(value=3.0), (EEBL, ""): assessment(value=20.0)}, 0.0)
 
     found = last(core)
     assert found.deceleration_m_s2 == 6.0
-    assert found.causes == (Cause.EEBL, Cause.FCW)
+    assert found.causes == (EEBL, FCW)
 
 
 def test_the_request_stays_as_hard_as_ever_while_its_danger_lasts() -> None:
-    """Asking for what is still needed, a vehicle crept on at the least speed of FCW."""
+    """Asking for what is still needed, a vehicle crept on at the least speed of FCW_ALARM."""
     core = requesting()
     for tenth in range(1, 20):
         now = tenth / 10.0
-        core.receive_speed(Speed(now, 20.0, 0.3, "obd"))
-        core.assess({FCW: assessment(Level.CAUTION, 0.5)}, now)
+        core.host.receive(Speed(now, 20.0, 0.3, "obd"))
+        core.assess({FCW_ALARM: assessment(Level.CAUTION, 0.5)}, now)
         assert last(core).deceleration_m_s2 == 5.5
 
 
 def test_harder_braking_is_asked_for_at_once() -> None:
     core = requesting()
-    core.assess({FCW: assessment(value=5.9)}, 0.05)
+    core.assess({FCW_ALARM: assessment(value=5.9)}, 0.05)
 
     assert last(core).deceleration_m_s2 == 5.9
 
 
 def test_a_caution_of_another_danger_does_not_prolong_a_request() -> None:
     core = requesting()
-    core.receive_speed(Speed(0.6, 20.0, 0.3, "obd"))
-    core.assess({IMA: assessment(Level.CAUTION, 0.4)}, HOLD_S + 0.1)
+    core.host.receive(Speed(0.6, 20.0, 0.3, "obd"))
+    core.assess({IMA_ALARM: assessment(Level.CAUTION, 0.4)}, HOLD_S + 0.1)
 
     assert last(core).deceleration_m_s2 == 0.0
 
 
 def test_old_observations_request_nothing() -> None:
     core = requester()
-    core.assess({FCW: assessment(age_s=OLDEST_S + 0.01)}, 0.0)
+    core.assess({FCW_ALARM: assessment(age_s=OLDEST_S + 0.01)}, 0.0)
 
     assert requests(core) == []
 
 
-@pytest.mark.parametrize("speed", [None, Speed(-SPEED_TIMEOUT_S - 0.01, 20.0, 0.3, "obd")])
+@pytest.mark.parametrize("speed", [None, Speed(-BRAKING_SPEED_VALID_S - 0.01, 20.0, 0.3, "obd")])
 def test_without_a_host_speed_nothing_is_requested(speed: Speed | None) -> None:
     core = requester(None)
     if speed is not None:
-        core.receive_speed(speed)
-    core.assess({FCW: assessment()}, 0.0)
+        core.host.receive(speed)
+    core.assess({FCW_ALARM: assessment()}, 0.0)
 
     assert requests(core) == []
-
-
-def raised(cause: BrakeCause, sequence: int = 1) -> WarningRaised:
-    return WarningRaised(0.0, ORIGIN, sequence, 1, 2, ORIGIN, cause, 6.0, 0.0, 1)
 
 
 def test_a_warning_of_the_brake_button_requests_nothing() -> None:
     core = requester(least_certainty=0.7)
-    alarm: Mapping[AlarmKey, Assessment] = {LCCA: assessment(Level.WARNING, 4.0, "warning")}
-    core.receive_warning(raised(BrakeCause.TEST))
-    core.assess(alarm, 0.0)
+    real = assessment(Level.WARNING, 4.0, "warning")
+    test = replace(real, is_test=True)
+    core.assess({LCCA_ALARM: test}, 0.0)
     assert requests(core) == []
 
-    core.receive_warning(WarningLevel(0.1, ORIGIN, 1, BrakeCause.DECELERATION, 6.0))
-    core.assess(alarm, 0.1)
+    core.assess({LCCA_ALARM: real}, 0.1)
     assert last(core).deceleration_m_s2 == 4.0
 
-    core.receive_warning(raised(BrakeCause.TEST, 2))
-    core.receive_warning(WarningOver(0.2, ORIGIN, 1, "over"))
-    core.assess({LCCA: alarm[LCCA]}, 0.2)
-    core.assess({LCCA: alarm[LCCA]}, 0.2 + HOLD_S)
+    core.assess({LCCA_ALARM: test}, 0.2)
+    core.assess({LCCA_ALARM: test}, 0.2 + HOLD_S)
     assert last(core).deceleration_m_s2 == 0.0
 
 
 def test_the_counter_wraps() -> None:
     core = requester()
     for _ in range(COUNTER_END + 1):
-        core.assess({FCW: assessment()}, 0.0)
+        core.assess({FCW_ALARM: assessment()}, 0.0)
 
     assert [each.counter for each in requests(core)][-3:] == [254, 255, 0]
 
@@ -258,9 +254,9 @@ def test_no_request_outlasts_its_alarm_nor_exceeds_its_limits(
     raised_at = -RELEASE_S
     for tenth, (level, value, source, age_s, speed_m_s) in enumerate(drive):
         now = tenth / 10.0
-        core.receive_speed(Speed(now, speed_m_s, 0.3, "obd"))
+        core.host.receive(Speed(now, speed_m_s, 0.3, "obd"))
         core.handle_timer(now)
-        core.assess({FCW: assessment(level, value, source, age_s=age_s)}, now)
+        core.assess({FCW_ALARM: assessment(level, value, source, age_s=age_s)}, now)
         raised_at = raised_at if level is Level.NONE else now
         for each in requests(core):
             assert 0.0 <= each.deceleration_m_s2 <= settings.most_m_s2

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from onboard.brake_request import datagram
 from onboard.brake_request.brake_requester import VALIDITY_S, BrakeRequest
 from onboard.errors import DecodeError
-from onboard.risk.alarm import Cause
+from onboard.risk.fcw import FCW
 from onboard.settings import SettingsError, parse_settings
 from sim_rig.cars.brake_controller import BRAKE_DELAY_S, BrakeController
 from sim_rig.cars.camera_server import CameraServer
@@ -74,7 +74,7 @@ def test_the_position_goes_on_where_the_braking_begins() -> None:
 def test_the_controller_brakes_after_a_delay_and_as_long_as_a_request_is_valid() -> None:
     braking: list[tuple[float, float, float]] = []
     controller = BrakeController(lambda *each: braking.append(each))
-    request = BrakeRequest(70.0, 5.0, 0.9, VALIDITY_S, 0, (Cause.FCW,))
+    request = BrakeRequest(70.0, 5.0, 0.9, VALIDITY_S, 0, (FCW,))
     controller.receive_bytes(datagram.encode(request), 2.0)
 
     assert braking == [(2.0 + BRAKE_DELAY_S, 2.0 + BRAKE_DELAY_S + VALIDITY_S, 5.0)]

@@ -12,7 +12,7 @@ from onboard.brake_request.brake_requester import COUNTER_END, BrakeRequest
 from onboard.brake_request.dbc_frame import RequestFrameLayout, crc8_j1850
 from onboard.brake_request.settings import RequestFrameSettings
 from onboard.errors import DecodeError, UserError
-from onboard.risk.alarm import Cause
+from onboard.risk.fcw import FCW
 
 DBC = """VERSION ""
 NS_ :
@@ -58,7 +58,7 @@ def layout(text: str = DBC, **names: str) -> RequestFrameLayout:
 def request(
     deceleration_m_s2: float = 5.23, certainty: float = 0.9, counter: int = 17
 ) -> BrakeRequest:
-    return BrakeRequest(3.0, deceleration_m_s2, certainty, 0.3, counter, (Cause.FCW,))
+    return BrakeRequest(3.0, deceleration_m_s2, certainty, 0.3, counter, (FCW,))
 
 
 def decoded(data: bytes) -> dict[str, float]:
@@ -141,7 +141,7 @@ def test_a_datagram_carries_the_request(d_m_s2: float, certainty: float, counter
         certainty=round(certainty, 3),
         valid_s=0.3,
         counter=counter,
-        causes=(Cause.FCW,),
+        causes=(FCW,),
     )
 
 

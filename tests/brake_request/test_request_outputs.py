@@ -19,13 +19,13 @@ from onboard.brake_request.settings import (
 from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import Discarded
-from onboard.risk.alarm import Cause
+from onboard.risk.fcw import FCW
 from onboard.settings import SettingsError, parse_settings
 from onboard.vehicle.config import CarConfig
 from sim_rig.cars.socketcand_server import SocketcandServer
 from tests.brake_request.test_request_frame import DBC, WHOLE
 
-REQUEST = BrakeRequest(1.0, 5.0, 0.9, 0.3, 3, (Cause.FCW,))
+REQUEST = BrakeRequest(1.0, 5.0, 0.9, 0.3, 3, (FCW,))
 
 
 @pytest.fixture(name="dbc")

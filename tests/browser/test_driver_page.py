@@ -10,6 +10,9 @@ from playwright.sync_api import Browser, Page, expect
 from onboard.observations import Sensor, SensorLost
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.eebl import EEBL
+from onboard.risk.fcw import FCW
+from onboard.risk.ima import IMA
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.browser.driver_page import (
     DESKTOP,
@@ -90,7 +93,7 @@ def test_everything_fits_on_the_screen(browser: Browser, row: Row, size: Any, le
     page = open_page(browser, row.address, size)
     expect(page.locator("#stale")).to_be_hidden()
     if level is not Level.NONE:
-        alarm(row, Cause.FCW, level)
+        alarm(row, FCW, level)
         expect(page.locator("#alarm")).to_be_visible()
 
     outside = page.evaluate(
@@ -102,7 +105,7 @@ def test_everything_fits_on_the_screen(browser: Browser, row: Row, size: Any, le
         }).map((e) => `${e.tagName} ${e.id} ${e.className}`)"""
     )
 
-    alarm(row, Cause.FCW, Level.NONE)
+    alarm(row, FCW, Level.NONE)
     page.context.close()
     assert outside == []
 
@@ -178,7 +181,7 @@ def test_a_warning_by_the_button_is_shown_as_a_test(page: Page, row: Row) -> Non
 
 
 def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, row: Row) -> None:
-    alarm(row, Cause.IMA, Level.WARNING)
+    alarm(row, IMA, Level.WARNING)
     expect(page.locator("#alarm-headline")).to_have_text("Stop!")
     assert page.evaluate("notes") == []
     expect(page.locator("#sound")).to_have_text("Sound is off: tap")
@@ -186,7 +189,7 @@ def test_before_the_first_touch_the_page_shows_that_sound_is_off(page: Page, row
     page.click("#sound")
 
     assert len(notes(page)) >= 4
-    alarm(row, Cause.IMA, Level.NONE)
+    alarm(row, IMA, Level.NONE)
     expect(page.locator("#alarm")).to_be_hidden()
 
 
@@ -254,7 +257,7 @@ def test_a_full_disk_is_shown(page: Page, row: Row) -> None:
 
 def test_a_page_without_data_shows_that_and_reconnects(page: Page, row: Row) -> None:
     page.click("#sound")
-    alarm(row, Cause.FCW, Level.WARNING)
+    alarm(row, FCW, Level.WARNING)
     expect(page.locator("#alarm")).to_be_visible()
 
     row.stop()
@@ -330,11 +333,11 @@ def test_twenty_pages_show_the_same_alarm(browser: Browser, row: Row) -> None:
     for page in pages:
         expect(page.locator("#stale")).to_be_hidden()
 
-    alarm(row, Cause.EEBL, Level.WARNING)
+    alarm(row, EEBL, Level.WARNING)
 
     for page in pages:
         expect(page.locator("#alarm-sentence")).to_have_text("A car ahead brakes hard")
-    alarm(row, Cause.EEBL, Level.NONE)
+    alarm(row, EEBL, Level.NONE)
     pages[0].context.close()
 
 

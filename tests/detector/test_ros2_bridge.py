@@ -15,7 +15,7 @@ from onboard.brake_request import datagram
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.detector.object_list import ObjectListReader
 from onboard.observations import DetectionList
-from onboard.risk.alarm import Cause
+from onboard.risk.fcw import FCW
 
 PATH = Path(__file__).parents[2] / "examples" / "ros2_bridge.py"
 SPEC = importlib.util.spec_from_file_location("ros2_bridge", PATH)
@@ -109,7 +109,7 @@ def test_the_range_ends_on_the_box(x: float, y: float, yaw_rad: float) -> None:
 
 
 def request(deceleration_m_s2: float) -> bytes:
-    return datagram.encode(BrakeRequest(1.0, deceleration_m_s2, 0.9, 0.3, 17, (Cause.FCW,)))
+    return datagram.encode(BrakeRequest(1.0, deceleration_m_s2, 0.9, 0.3, 17, (FCW,)))
 
 
 def test_a_request_to_brake_is_a_negative_acceleration_until_it_is_too_old() -> None:

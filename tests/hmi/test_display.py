@@ -34,6 +34,10 @@ from onboard.observations import (
 )
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
+from onboard.risk.eebl import EEBL
+from onboard.risk.fcw import FCW
+from onboard.risk.ima import IMA
+from onboard.risk.lcca_warning import LCCA
 from onboard.trace.trace_line import as_record
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
@@ -109,7 +113,7 @@ def test_a_view_is_due_five_times_a_second() -> None:
 @pytest.mark.parametrize(
     "event",
     [
-        alarm(10.01, Cause.LCCA, Level.WARNING),
+        alarm(10.01, LCCA, Level.WARNING),
         SensorLost(10.01, Sensor.CAMERA, 0.8, "silent"),
         SensorRecovered(10.01, Sensor.CAMERA),
         Identified(10.01, 3, OTHER, "RD288HX", 0.9995, "answer"),
@@ -229,10 +233,10 @@ def test_a_failed_recorder_is_shown_with_its_reason_until_it_records() -> None:
 
 def test_an_alarm_is_shown_until_it_ends_with_the_time_of_its_level() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.FCW, Level.CAUTION))
-    page.receive_event(alarm(10.5, Cause.FCW, Level.WARNING))
+    page.receive_event(alarm(10.0, FCW, Level.CAUTION))
+    page.receive_event(alarm(10.5, FCW, Level.WARNING))
     (alarm_view,) = shown(page, 12.0).alarms
-    page.receive_event(Alarm(13.0, Cause.FCW, Level.NONE, 0.0, ()))
+    page.receive_event(Alarm(13.0, FCW, Level.NONE, 0.0, ()))
 
     assert (alarm_view.level, alarm_view.raised_at_s, alarm_view.direction) == (
         Level.WARNING,
@@ -244,14 +248,14 @@ def test_an_alarm_is_shown_until_it_ends_with_the_time_of_its_level() -> None:
 
 def test_alarms_are_sorted_by_level_and_then_by_age() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING))
-    page.receive_event(alarm(11.0, Cause.FCW, Level.CAUTION))
-    page.receive_event(alarm(12.0, Cause.EEBL, Level.WARNING))
+    page.receive_event(alarm(10.0, LCCA, Level.WARNING))
+    page.receive_event(alarm(11.0, FCW, Level.CAUTION))
+    page.receive_event(alarm(12.0, EEBL, Level.WARNING))
 
     assert [each.cause for each in shown(page, 12.0).alarms] == [
-        Cause.EEBL,
-        Cause.LCCA,
-        Cause.FCW,
+        EEBL,
+        LCCA,
+        FCW,
     ]
 
 
@@ -271,7 +275,7 @@ def test_an_lcca_alarm_states_how_many_vehicles_ahead_it_began() -> None:
             hops=1,
         )
     )
-    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
+    page.receive_event(alarm(10.0, LCCA, Level.WARNING, OTHER.hex()))
 
     assert shown(page, 10.0).alarms[0].vehicles_ahead == 3
 
@@ -281,7 +285,7 @@ def test_an_alarm_by_the_button_is_a_test_until_a_real_braking_takes_its_place()
     page.receive_event(
         WarningRaised(10.0, OTHER, 1, 1, 2, OTHER, BrakeCause.TEST, 3.9, 0.01, hops=1)
     )
-    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING, OTHER.hex()))
+    page.receive_event(alarm(10.0, LCCA, Level.WARNING, OTHER.hex()))
     (tested,) = shown(page, 10.0).alarms
 
     page.receive_event(WarningLevel(10.5, OTHER, 1, BrakeCause.DECELERATION, 7.0))
@@ -303,7 +307,7 @@ def test_an_ima_alarm_states_the_side_of_the_vehicle(east_m: float, direction: D
             perceived(east_m, 40.0, ObjectSource.BSM),
         ],
     )
-    page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING, "7"))
+    page.receive_event(alarm(10.0, IMA, Level.WARNING, "7"))
 
     assert shown(page, 10.0).alarms[0].direction is direction
 
@@ -317,9 +321,9 @@ def test_the_object_of_an_alarm_is_marked_until_the_alarm_ends() -> None:
             perceived(30.0, 40.0, ObjectSource.SHARED),
         ],
     )
-    page.receive_event(alarm(10.0, Cause.IMA, Level.CAUTION, "7"))
+    page.receive_event(alarm(10.0, IMA, Level.CAUTION, "7"))
     marked = [each.source for each in shown(page, 10.0).vehicles if each.in_alarm]
-    page.receive_event(Alarm(11.0, Cause.IMA, Level.NONE, 0.0, ()))
+    page.receive_event(Alarm(11.0, IMA, Level.NONE, 0.0, ()))
 
     assert marked == [ObjectSource.SHARED]
     assert not any(each.in_alarm for each in shown(page, 11.0).vehicles)
@@ -335,10 +339,10 @@ def test_two_vehicles_from_two_sides_are_two_alarms_the_later_first() -> None:
         ],
     )
     for stamp_s, name in ((10.0, "7"), (10.5, "8")):
-        raised = alarm(stamp_s, Cause.IMA, Level.WARNING, name)
+        raised = alarm(stamp_s, IMA, Level.WARNING, name)
         page.receive_event(replace(raised, vehicle=name))
     both = shown(page, 11.0)
-    page.receive_event(Alarm(11.5, Cause.IMA, Level.NONE, 0.0, (), "7"))
+    page.receive_event(Alarm(11.5, IMA, Level.NONE, 0.0, (), "7"))
 
     assert [each.direction for each in both.alarms] == [Direction.LEFT, Direction.RIGHT]
     assert sum(each.in_alarm for each in both.vehicles) == 2
@@ -347,7 +351,7 @@ def test_two_vehicles_from_two_sides_are_two_alarms_the_later_first() -> None:
 
 def test_an_ima_alarm_without_its_object_points_ahead() -> None:
     page = display()
-    page.receive_event(alarm(10.0, Cause.IMA, Level.WARNING))
+    page.receive_event(alarm(10.0, IMA, Level.WARNING))
 
     assert shown(page, 10.0).alarms[0].direction is Direction.AHEAD
 
@@ -403,7 +407,7 @@ def test_a_view_converts_to_json() -> None:
     page = display(brake_button=True)
     page.receive_event(speed(10.0))
     page.receive_event(lead(10.0))
-    page.receive_event(alarm(10.0, Cause.LCCA, Level.WARNING))
+    page.receive_event(alarm(10.0, LCCA, Level.WARNING))
 
     record = as_record(shown(page, 10.0))
 
@@ -416,11 +420,11 @@ def test_a_view_converts_to_json() -> None:
 
 def test_a_request_to_brake_is_shown_while_it_is_valid() -> None:
     page = display()
-    page.receive_event(BrakeRequest(10.0, 5.2, 0.9, 0.3, 0, (Cause.FCW,)))
+    page.receive_event(BrakeRequest(10.0, 5.2, 0.9, 0.3, 0, (FCW,)))
 
     assert shown(page, 10.0).brake_request == BrakeRequestView(5.2, 0.9)
     assert shown(page, 10.31).brake_request is None
 
-    page.receive_event(BrakeRequest(10.4, 5.2, 0.9, 0.3, 1, (Cause.FCW,)))
+    page.receive_event(BrakeRequest(10.4, 5.2, 0.9, 0.3, 1, (FCW,)))
     page.receive_event(BrakeRequest(10.5, 0.0, 0.0, 0.0, 2, ()))
     assert shown(page, 10.55).brake_request is None

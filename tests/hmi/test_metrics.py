@@ -18,7 +18,9 @@ from onboard.observations import (
     SensorRecovered,
     Speed,
 )
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.ima import IMA
+from onboard.risk.lcca_warning import LCCA
 
 BUILD = Build("0.2.0", "4f463bb4b", "20261124")
 
@@ -50,7 +52,7 @@ def test_events_are_counted() -> None:
         Discarded(1.2, "security", "wrong_signature"),
         MessageSent(1.3, "warn", 7, 200, {}),
         MessageReceived(1.4, "join", None, {}),
-        Alarm(1.5, Cause.LCCA, Level.WARNING, 6.0, ()),
+        Alarm(1.5, LCCA, Level.WARNING, 6.0, ()),
         SensorLost(1.6, Sensor.CAMERA, 0.8, "frozen"),
         Transition(
             1.7, GroupEvent.JOINED, GroupState.REGULAR, GroupState.MEMBER, bytes(8), 3, "answered"
@@ -89,8 +91,8 @@ def test_a_lost_sensor_has_no_value() -> None:
 
 def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
     metrics = Metrics(frozenset({Sensor.CAMERA}), BUILD)
-    metrics.receive_event(Alarm(1.0, Cause.LCCA, Level.WARNING, 6.0, ()))
-    metrics.receive_event(Alarm(2.0, Cause.LCCA, Level.NONE, 0.0, ()))
+    metrics.receive_event(Alarm(1.0, LCCA, Level.WARNING, 6.0, ()))
+    metrics.receive_event(Alarm(2.0, LCCA, Level.NONE, 0.0, ()))
     metrics.receive_event(SensorLost(1.0, Sensor.CAMERA, 0.8, "frozen"))
     metrics.receive_event(SensorRecovered(2.0, Sensor.CAMERA))
 
@@ -103,10 +105,10 @@ def test_gauges_follow_the_end_of_an_alarm_and_a_recovery() -> None:
 
 def test_the_level_of_a_cause_is_that_of_its_most_urgent_vehicle() -> None:
     metrics = Metrics(frozenset(), BUILD)
-    metrics.receive_event(Alarm(1.0, Cause.IMA, Level.WARNING, 0.6, (), "7"))
-    metrics.receive_event(Alarm(1.0, Cause.IMA, Level.CAUTION, 0.4, (), "8"))
+    metrics.receive_event(Alarm(1.0, IMA, Level.WARNING, 0.6, (), "7"))
+    metrics.receive_event(Alarm(1.0, IMA, Level.CAUTION, 0.4, (), "8"))
     both = read(metrics)["onboard_alarm_level cause=ima"]
-    metrics.receive_event(Alarm(2.0, Cause.IMA, Level.NONE, 0.0, (), "7"))
+    metrics.receive_event(Alarm(2.0, IMA, Level.NONE, 0.0, (), "7"))
 
     assert (both, read(metrics)["onboard_alarm_level cause=ima"]) == (2, 1)
 

@@ -2,8 +2,10 @@
 
 import pytest
 
-from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Cause, Hysteresis, Level
+from onboard.risk.alarm import NOTHING, AlarmReason, Assessment, Hysteresis, Level
 from onboard.risk.confirmation import Confirmation
+from onboard.risk.fcw import FCW
+from onboard.risk.ima import IMA
 
 REASON = (AlarmReason("lead", "known", 0.05),)
 CAUTION = Assessment(Level.CAUTION, 3.7, REASON)
@@ -11,7 +13,7 @@ WARNING = Assessment(Level.WARNING, 5.5, REASON)
 
 
 def levels(seen: list[tuple[float, Assessment]]) -> list[tuple[float, str]]:
-    alarm = Hysteresis(Cause.FCW, release_s=1.0)
+    alarm = Hysteresis(FCW, release_s=1.0)
     raised = [(now, alarm.receive(each, now)) for now, each in seen]
     return [(now, each.level.value) for now, each in raised if each is not None]
 
@@ -61,11 +63,11 @@ def test_a_level_is_confirmed_by_measurements_over_a_while(
 
 
 def test_an_alarm_names_what_raised_it_and_its_end_names_nothing() -> None:
-    alarm = Hysteresis(Cause.IMA, 1.0)
+    alarm = Hysteresis(IMA, 1.0)
 
     raised, ended = alarm.receive(WARNING, 0.0), alarm.receive(NOTHING, 1.0)
 
     assert raised is not None
-    assert (raised.cause, raised.value, raised.reasons) == (Cause.IMA, 5.5, REASON)
+    assert (raised.cause, raised.value, raised.reasons) == (IMA, 5.5, REASON)
     assert ended is not None
     assert (ended.level, ended.reasons) == (Level.NONE, ())

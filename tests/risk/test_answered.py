@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.fcw import FCW
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.required_deceleration import required_deceleration_m_s2
 from onboard.risk.settings import RiskSettings
@@ -60,11 +61,11 @@ def tell(of: RiskMonitor, moment: Moment, *, pedal: bool | None, obd: bool = Tru
     """One frame at 20 Hz, with the speed in whole km/h."""
     now = moment.at_s
     if obd:
-        of.receive_speed(Speed(now, math.floor(moment.speed_m_s / KM_H) * KM_H, KM_H, "obd:7E8"))
+        of.host.receive(Speed(now, math.floor(moment.speed_m_s / KM_H) * KM_H, KM_H, "obd:7E8"))
     if pedal is not None:
-        of.receive_pedal(BrakePedal(now, pedal, "dbc:Brake.Pedal"))
+        of.host.receive(BrakePedal(now, pedal, "dbc:Brake.Pedal"))
     closing_m_s = moment.speed_m_s - moment.lead_m_s
-    of.receive_lead(
+    of.receive(
         Lead(now, LeadIdentity.UNKNOWN, gap_m=moment.gap_m, closing_speed_m_s=closing_m_s), now
     )
     return [event for event in iter(of.next_event, None) if isinstance(event, Alarm)]
@@ -76,7 +77,7 @@ def alarms(moments: list[Moment], *, pedal: bool | None = None) -> list[Alarm]:
 
 
 def warned_at_s(seen: list[Alarm]) -> list[float]:
-    assert all(alarm.cause is Cause.FCW for alarm in seen)
+    assert all(alarm.cause == FCW for alarm in seen)
     return [alarm.stamp_s for alarm in seen if alarm.level is Level.WARNING]
 
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.eebl import EEBL
 from tests.risk.bends import LANE_M, Road, Scene
 
 BENDS = {
@@ -21,7 +22,7 @@ def raises_eebl(scene: Scene) -> bool:
     monitor, own, other, now = scene.drive(300.0)
     monitor.assess(own, [other], now)
     return any(
-        isinstance(event, Alarm) and event.cause is Cause.EEBL and event.level is not Level.NONE
+        isinstance(event, Alarm) and event.cause == EEBL and event.level is not Level.NONE
         for event in iter(monitor.next_event, None)
     )
 

@@ -8,7 +8,8 @@ import pytest
 
 from onboard.kinematics.units import KM_H
 from onboard.observations import Lead, LeadIdentity, Speed
-from onboard.risk.alarm import Alarm, AlarmReason, Cause, Level
+from onboard.risk.alarm import Alarm, AlarmReason, Level
+from onboard.risk.fcw import FCW
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
@@ -54,10 +55,10 @@ def drive(
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for step in range(round(until_s * 20)):
         now = step / 20
-        monitor.receive_speed(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+        monitor.host.receive(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
         if camera is not None:
             gap_m, speed_m_s = camera(now)
-            monitor.receive_lead(
+            monitor.receive(
                 Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.3, SPEED_M_S - speed_m_s, 0.5), now
             )
         if step % 2 == 0:
@@ -67,7 +68,7 @@ def drive(
 
 def fcw_alarms(monitor: RiskMonitor) -> list[Alarm]:
     events = iter(monitor.next_event, None)
-    return [event for event in events if isinstance(event, Alarm) and event.cause is Cause.FCW]
+    return [event for event in events if isinstance(event, Alarm) and event.cause == FCW]
 
 
 def is_warned(seen: Callable[[float], Sequence[PerceivedObject]], until_s: float = 1.0) -> bool:
@@ -183,8 +184,8 @@ def test_without_a_position_the_cameras_lead_is_still_assessed() -> None:
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for step in range(4):
         now = step / 20
-        monitor.receive_speed(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
-        monitor.receive_lead(Lead(now, LeadIdentity.UNKNOWN, None, 20.0, 0.3, SPEED_M_S, 0.5), now)
+        monitor.host.receive(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+        monitor.receive(Lead(now, LeadIdentity.UNKNOWN, None, 20.0, 0.3, SPEED_M_S, 0.5), now)
         monitor.assess(None, [], now)
 
     assert monitor.next_event() is not None
@@ -201,8 +202,8 @@ def test_a_standing_queue_in_the_lane_beside_raises_none(left_m: float) -> None:
             speed_m_s = began_m_s - braking_m_s2 * now
             way_m = (began_m_s + speed_m_s) / 2.0 * now
             fix = noisy_fix(road.at(way_m, 0.0), speed_m_s, now, rng)
-            monitor.receive_position(fix)
-            monitor.receive_speed(Speed(now, speed_m_s, KM_H, "obd:7E8"))
+            monitor.receive(fix, now)
+            monitor.host.receive(Speed(now, speed_m_s, KM_H, "obd:7E8"))
             host = as_object(fix, "own", ObjectSource.HOST)
             queue = [
                 replace(
@@ -226,7 +227,7 @@ def test_who_brakes_enough_within_the_error_of_the_gap_is_not_warned(source: Obj
             after_s = now - 1.1
             speed_m_s = 9.6 - braking_m_s2 * after_s
             gap_m = 25.0 - (9.6 + speed_m_s) / 2.0 * after_s
-            monitor.receive_speed(Speed(now, speed_m_s, 0.02, "study"))
+            monitor.host.receive(Speed(now, speed_m_s, 0.02, "study"))
             queue = vehicle(gap_m, 0.0, now, source=source, sigma_m_s=0.4)
             monitor.assess(own(now, speed_m_s), [queue], now)
         return any(alarm.level is Level.WARNING for alarm in fcw_alarms(monitor))

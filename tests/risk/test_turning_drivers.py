@@ -13,7 +13,8 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
 from onboard.observations import Side, Speed, TurnSignal
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.ima import IMA, LTA
 from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
@@ -47,12 +48,12 @@ def warnings(
         now = k / 10
         own, other = mine(now), others(now)
         floor_m_s = math.floor(own[3] / KM_H) * KM_H
-        monitor.receive_speed(Speed(now, floor_m_s, KM_H, "obd:7E8"))
+        monitor.host.receive(Speed(now, floor_m_s, KM_H, "obd:7E8"))
         core = CoreData(1, bytes.fromhex(OTHER), heading_rad=NORTH - other[2])
         safety = None if other_lights is None else VehicleSafetyExtensions(lights=other_lights)
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         for side in sides:
-            monitor.receive_turn_signal(TurnSignal(now, side, now % 0.8 < 0.4, "can"))
+            monitor.host.receive(TurnSignal(now, side, now % 0.8 < 0.4, "can"))
         monitor.assess(
             perceived("own", own, now),
             [perceived(OTHER, other, now)],
@@ -96,7 +97,7 @@ def test_a_driver_who_pulls_out_is_warned_as_soon_as_the_speed_shows_it() -> Non
     """The fronts touch 2.3 s after the host sets off."""
     (warning,) = warnings(pull_out(2.0), straight(4.4), 4.3)
 
-    assert warning.cause is Cause.IMA
+    assert warning.cause == IMA
     assert warning.stamp_s <= 2.0 + 0.7
 
 
@@ -119,14 +120,14 @@ def test_a_left_turn_across_an_oncoming_vehicle_is_warned_of_by_its_name() -> No
     """The circle reaches the oncoming lane 1.4 s after it begins."""
     (warning,) = warnings(turn_left(2.0), straight(4.0, beside_m=3.5), 3.6)
 
-    assert warning.cause is Cause.LTA
+    assert warning.cause == LTA
     assert warning.stamp_s <= 2.0 + 0.5
 
 
 def test_who_turns_left_before_the_host_is_warned_of() -> None:
     (warning,) = warnings(straight(4.0, beside_m=3.5), turn_left(2.0), 3.6)
 
-    assert warning.cause is Cause.IMA
+    assert warning.cause == IMA
     assert warning.stamp_s <= 2.0 + 0.5
 
 
@@ -135,7 +136,7 @@ def test_with_its_signal_a_left_turn_is_warned_of_earlier() -> None:
     (without,) = warnings(turning, oncoming, 3.6)
     (signalled,) = warnings(turning, oncoming, 3.6, ("left",))
 
-    assert signalled.cause is Cause.LTA
+    assert signalled.cause == LTA
     assert signalled.stamp_s <= without.stamp_s - 0.1
     (hazard,) = warnings(turning, oncoming, 3.6, ("left", "right"))
     assert hazard.stamp_s == without.stamp_s

@@ -12,7 +12,8 @@ from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, PositionalAccuracy
 from onboard.observations import DetectionList, Position, Speed, VehicleDetection
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.ima import IMA
 from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
@@ -81,7 +82,7 @@ def first_warning_s(claim: Claim) -> float:
     return min(
         alarm.stamp_s
         for alarm in alarms(claim)
-        if alarm.cause is Cause.IMA and alarm.level is Level.WARNING
+        if alarm.cause == IMA and alarm.level is Level.WARNING
     )
 
 

@@ -157,24 +157,10 @@ function counted(sentences) {
   });
 }
 
-function alarmTexts({ cause, level, direction, vehicles_ahead, is_test }) {
-  const isWarning = level === "warning";
-  switch (cause) {
-    case "lcca": {
-      const sentence = vehicles_ahead > 1 ? fill(TEXTS.lccaSecond, { count: vehicles_ahead }) : TEXTS.lccaFirst;
-      return { sign: "brake", headline: is_test ? TEXTS.test : TEXTS.brakeNow, sentence: is_test ? TEXTS.lccaTest : sentence };
-    }
-    case "eebl":
-      return { sign: "brake", headline: isWarning ? TEXTS.brakeNow : TEXTS.watchOut, sentence: TEXTS.eebl };
-    case "fcw":
-      return { sign: "gap", headline: isWarning ? TEXTS.brakeNow : TEXTS.keepDistance, sentence: TEXTS.fcw };
-    case "lta":
-      return { sign: "brake", headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.lta };
-    default: {
-      const sign = direction === "ahead" ? "brake" : direction;
-      return { sign, headline: isWarning ? TEXTS.stopNow : TEXTS.watchOut, sentence: TEXTS.ima[direction] };
-    }
-  }
+function alarmTexts({ headline, sign, sentence, vehicles_ahead, is_test }) {
+  if (is_test) return { sign, headline: TEXTS.test, sentence: TEXTS.testOfWarning };
+  const words = vehicles_ahead > 1 ? fill(TEXTS.brakesAhead, { count: vehicles_ahead }) : TEXTS.sentences[sentence] ?? sentence;
+  return { sign, headline: TEXTS.headlines[headline], sentence: words };
 }
 
 function showAge(age_ms, isStale) {

@@ -78,19 +78,13 @@ export const TEXTS = {
     silent: "silent", frozen: "image frozen", dark: "image dark", end_of_recording: "recording ended",
   },
 
-  brakeNow: "Brake!",
-  stopNow: "Stop!",
-  keepDistance: "Keep distance",
-  watchOut: "Watch out",
-  test: "Test",
-  lccaTest: "A driver ahead tests the warning",
-  lccaFirst: "The car ahead brakes hard",
-  lccaSecond: "Hard braking, {count} cars ahead",
-  fcw: "You are closing in on the car ahead",
-  eebl: "A car ahead brakes hard",
+  headlines: { brake: "Brake!", stop: "Stop!", keep_distance: "Keep distance", watch_out: "Watch out" },
+  // Sentences of alarms come in English from onboard/risk/alarm_table.py: { "Car crossing": "..." }.
+  sentences: {},
+  brakesAhead: "Hard braking, {count} cars ahead",
   several: "{sentence} ({count})",
-  lta: "Oncoming car: do not turn",
-  ima: { left: "Car from the left", right: "Car from the right", ahead: "Car crossing" },
+  test: "Test",
+  testOfWarning: "A driver ahead tests the warning",
 
   brakeRequest: "Braking requested: {value} m/s² ({percent} % certain)",
 

@@ -9,6 +9,7 @@ from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.observations import Lead, Position, Speed
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.lcca_warning import LCCA
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.tracking.perceived_object import PerceivedObject
@@ -43,7 +44,9 @@ class WarningModel:
             brake_request: when it requests to brake; never if None.
         """
         self._monitor = RiskMonitor(settings, length_m, width_m)
-        self._requester = None if brake_request is None else BrakeRequester(brake_request)
+        self._requester = (
+            None if brake_request is None else BrakeRequester(brake_request, self._monitor.host)
+        )
         self._active: dict[Cause, DriverWarning] = {}
         self._lead: Lead | None = None
         self._group_warnings: dict[str, WarningRaised] = {}
@@ -51,9 +54,7 @@ class WarningModel:
 
     def receive_speed(self, speed: Speed) -> None:
         """Take a sample of the host vehicle's speed."""
-        self._monitor.receive_speed(speed)
-        if self._requester is not None:
-            self._requester.receive_speed(speed)
+        self._monitor.host.receive(speed)
 
     def receive_bsm(self, message: BasicSafetyMessage, now: float) -> None:
         """Take the BSM of a remote vehicle."""
@@ -62,7 +63,7 @@ class WarningModel:
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Take what the camera shows of the vehicle ahead."""
         self._lead = lead
-        self._monitor.receive_lead(lead, now)
+        self._monitor.receive(lead, now)
 
     def receive_group_warning(
         self, warning: WarningRaised | WarningLevel | WarningOver, now: float
@@ -70,9 +71,7 @@ class WarningModel:
         """Take what the warning group says of the braking of a vehicle ahead."""
         if isinstance(warning, WarningRaised):
             self._group_warnings[warning.origin_id.hex()] = warning
-        self._monitor.receive_warning(warning, now)
-        if self._requester is not None:
-            self._requester.receive_warning(warning)
+        self._monitor.receive(warning, now)
 
     def assess(
         self,
@@ -93,7 +92,7 @@ class WarningModel:
             The active warnings, at most one of each cause.
         """
         if fix is not None:
-            self._monitor.receive_position(fix)
+            self._monitor.receive(fix, now)
         self._monitor.assess(own, cars, now)
         self._objects |= {car.name: car for car in cars}
         while (event := self._monitor.next_event()) is not None:
@@ -109,7 +108,7 @@ class WarningModel:
     def _of(self, alarm: Alarm) -> PerceivedObject | Lead | WarningRaised:
         """What an alarm is about, by the first of its reasons that says so."""
         known: dict[str, PerceivedObject | WarningRaised] = {}
-        known |= self._group_warnings if alarm.cause is Cause.LCCA else self._objects
+        known |= self._group_warnings if alarm.cause == LCCA else self._objects
         named = [known[reason.name] for reason in alarm.reasons if reason.name in known]
         if named:
             return named[0]

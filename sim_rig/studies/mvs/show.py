@@ -78,7 +78,7 @@ class _StudyAnimation(Animation):
             position_m = estimated_m.get((name, of), begun_m)
             true = begun_as_true.get(name, right)
             frame.warned.append(
-                (name, cause.value, true, _car_at(cars, position_m), position_m.round(1).tolist())
+                (name, cause, true, _car_at(cars, position_m), position_m.round(1).tolist())
             )
 
     def add_frame(self, traffic: DisturbedTraffic, at_s: float) -> None:

@@ -9,7 +9,9 @@ from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.lcca.events import WarningOver, WarningRaised
 from onboard.observations import BrakeCause, Lead, LeadIdentity, Speed
-from onboard.risk.alarm import RELEASE_S, Cause
+from onboard.risk.alarm import RELEASE_S
+from onboard.risk.fcw import FCW
+from onboard.risk.lcca_warning import LCCA
 from onboard.risk.settings import RiskSettings
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from sim_rig.studies.mvs.driver_warning import DriverWarning, WarningModel
@@ -48,7 +50,7 @@ def warned_at_s(lead: PerceivedObject, *, braking_m_s2: float = 0.0) -> float | 
             continue
         seen = replace(lead, stamp_s=now)
         for warning in model.assess(None, car("own", 0.0, speed_m_s), [seen], now):
-            assert warning == DriverWarning(Cause.FCW, seen)
+            assert warning == DriverWarning(FCW, seen)
             return now
     return None
 
@@ -73,7 +75,7 @@ def test_a_driver_is_warned_of_the_vehicle_ahead_of_the_camera() -> None:
         model.receive_lead(seen, now)
 
     (warning,) = model.assess(None, own, [], 0.4)
-    assert warning.cause is Cause.FCW
+    assert warning.cause == FCW
     assert isinstance(warning.of, Lead)
 
 
@@ -84,7 +86,7 @@ def test_a_driver_is_warned_of_a_braking_in_the_group_until_it_is_over() -> None
         0.0, bytes(8), 1, 1, 2, bytes(8), BrakeCause.DECELERATION, 6.0, age_s=0.1, hops=1
     )
     model.receive_group_warning(begun, 0.0)
-    assert model.assess(None, own, [], 0.1) == [DriverWarning(Cause.LCCA, begun)]
+    assert model.assess(None, own, [], 0.1) == [DriverWarning(LCCA, begun)]
 
     model.receive_group_warning(WarningOver(0.2, bytes(8), 1, "over"), 0.2)
     assert model.assess(None, own, [], 0.2 + RELEASE_S) == []

@@ -1,6 +1,5 @@
 """The turn signals that are on, from lamps that blink."""
 
-from onboard.messages.bsm_safety import ExteriorLights
 from onboard.observations import Side, TurnSignal
 
 BLINK_PERIOD_S = 1.0
@@ -19,11 +18,6 @@ class TurnSignals:
         if turn_signal.is_on:
             self._on_at[turn_signal.side] = turn_signal.stamp_s
 
-    def lights(self, now: float) -> ExteriorLights | None:
-        """Return what is on, both sides as the hazard signal; of other lights nothing is known."""
-        on = {side for side, at_s in self._on_at.items() if now - at_s <= BLINK_PERIOD_S}
-        if len(on) == 2:
-            return ExteriorLights.HAZARD_SIGNAL
-        if "left" in on:
-            return ExteriorLights.LEFT_TURN_SIGNAL
-        return ExteriorLights.RIGHT_TURN_SIGNAL if on else None
+    def on(self, now: float) -> frozenset[Side]:
+        """Return the sides that are on; both are the hazard signal."""
+        return frozenset(side for side, at_s in self._on_at.items() if now - at_s <= BLINK_PERIOD_S)

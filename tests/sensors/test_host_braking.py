@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Speed
-from onboard.risk.host_braking import HostBraking
+from onboard.sensors.host_braking import HostBraking
 
 WINDOW_S = 0.6
 BRAKING_M_S2 = 5.0

@@ -1,0 +1,63 @@
+"""LCCA warning: a member ahead in the warning group brakes hard, until that is over."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from typing_extensions import override
+
+from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
+from onboard.messages.lcca import CarId
+from onboard.observations import BrakeCause
+from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
+from onboard.risk.application import Application, Assessed
+from onboard.risk.settings import RiskSettings
+from onboard.risk.situation import Situation
+from onboard.trace.trace_line import Event
+
+LCCA = Cause("lcca")
+
+
+class LccaWarning(Application):
+    """Warns of each braking that is not over; needs no position."""
+
+    cause = LCCA
+    takes: ClassVar = (WarningRaised, WarningLevel, WarningOver)
+
+    def __init__(self, _settings: RiskSettings) -> None:
+        """Start without a warning."""
+        self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
+        """Of brakings that are not over, by vehicle and sequence number."""
+
+    @override
+    def assess(self, situation: Situation) -> Assessed:
+        """Assess the brakings that are not over."""
+        return [_assess(each, situation.now) for each in self._warnings.values()]
+
+    @override
+    def receive(self, observation: Event, situation: Situation) -> Assessed:
+        """Take a warning of the group, or a change of one."""
+        match observation:
+            case WarningRaised():
+                self._warnings[observation.origin_id, observation.sequence] = observation
+            case WarningLevel(origin_id=origin_id, sequence=sequence):
+                before = self._warnings.get((origin_id, sequence))
+                if before is not None:
+                    self._warnings[origin_id, sequence] = replace(
+                        before,
+                        cause=observation.cause,
+                        deceleration_m_s2=observation.deceleration_m_s2,
+                    )
+            case WarningOver():
+                self._warnings.pop((observation.origin_id, observation.sequence), None)
+        return self.assess(situation)
+
+
+def _assess(warning: WarningRaised, now: float) -> Assessment:
+    age_s = now - warning.stamp_s + warning.age_s
+    reason = AlarmReason(warning.kind, warning.origin_id.hex(), age_s)
+    return Assessment(
+        Level.WARNING,
+        warning.deceleration_m_s2,
+        (reason,),
+        is_test=warning.cause is BrakeCause.TEST,
+    )

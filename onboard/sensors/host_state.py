@@ -1,0 +1,82 @@
+"""What the host vehicle's sensors tell of it: the last sample of each, as old as a reader allows.
+
+It is filled in one place, and whoever asks says how old the answer may be. How long a speed is
+valid stands here, each time with its reason. Cores that need every sample (detectors of braking,
+path history) are given the samples themselves.
+"""
+
+from collections.abc import Set as AbstractSet
+
+from onboard.observations import BrakePedal, Position, Side, Speed, TurnSignal
+from onboard.sensors.host_braking import HostBraking
+from onboard.sensors.turn_signals import TurnSignals
+from onboard.trace.trace_line import Event
+
+SPEED_VALID_S = 1.0
+"""Of a speed that is warned by or sent: the slowest ECUs answer twice a second, and one answer may
+be lost."""
+BRAKING_SPEED_VALID_S = 0.5
+"""Of a speed that braking is requested by: at 8 m/s^2 it is wrong by 4 m/s by then."""
+PEDAL_VALID_S = 1.0
+"""Of a brake pedal that is sent: as of the speed beside it."""
+POSITION_VALID_S = 1.6
+"""Of a position that is sent: receivers at 1 Hz deliver late."""
+ACCELERATION_WINDOW_S = 0.5
+"""Window of the acceleration: steps of 1 km/h are 0.2 m/s^2 over it."""
+BRAKING_WINDOW_S = 0.6
+"""Window of the driver's braking, the same as that of the vehicle ahead: both lag alike."""
+
+
+class HostState:
+    """The last samples, and the acceleration by the speeds."""
+
+    def __init__(self) -> None:
+        """Start without samples."""
+        self._speed: Speed | None = None
+        self._pedal: BrakePedal | None = None
+        self._position: Position | None = None
+        self._turn_signals = TurnSignals()
+        self._acceleration = HostBraking(ACCELERATION_WINDOW_S)
+        self._braking = HostBraking(BRAKING_WINDOW_S)
+
+    def receive(self, observation: Event) -> None:
+        """Take an observation of the host vehicle's sensors; most kinds change nothing."""
+        match observation:
+            case Speed():
+                self._speed = observation
+                self._acceleration.receive_speed(observation)
+                self._braking.receive_speed(observation)
+            case BrakePedal():
+                self._pedal = observation
+                self._braking.receive_pedal(observation)
+            case TurnSignal():
+                self._turn_signals.receive(observation)
+            case Position():
+                self._position = observation
+
+    def speed(self, now: float, valid_s: float = SPEED_VALID_S) -> Speed | None:
+        """Return the last speed; `None` if it is older than `valid_s`, or dated ahead by more."""
+        speed = self._speed
+        return speed if speed is not None and abs(now - speed.stamp_s) <= valid_s else None
+
+    def pedal(self, now: float, valid_s: float = PEDAL_VALID_S) -> BrakePedal | None:
+        """Return the last state of the brake pedal, as `speed` does."""
+        pedal = self._pedal
+        return pedal if pedal is not None and abs(now - pedal.stamp_s) <= valid_s else None
+
+    def position(self, now: float, valid_s: float = POSITION_VALID_S) -> Position | None:
+        """Return the last fix, as `speed` does."""
+        fix = self._position
+        return fix if fix is not None and abs(now - fix.stamp_s) <= valid_s else None
+
+    def turn_signals(self, now: float) -> AbstractSet[Side]:
+        """Return the sides whose turn signals are on; both are the hazard signal."""
+        return self._turn_signals.on(now)
+
+    def acceleration_m_s2(self, now: float) -> float | None:
+        """Return the slope of the speed over `ACCELERATION_WINDOW_S`; `None` while unknown."""
+        return self._acceleration.acceleration_m_s2(now)
+
+    def braking_m_s2(self, now: float) -> float | None:
+        """Return how hard the driver brakes at least, as `HostBraking` does."""
+        return self._braking.at_least_m_s2(now)
