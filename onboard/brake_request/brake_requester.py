@@ -188,7 +188,7 @@ class BrakeRequester(Core):
         if assessment.is_test or not row.may_brake:
             return False
         ages_s = [each.age_s for each in assessment.reasons if each.what != Speed.kind]
-        return row.tells_its_end or min(ages_s, default=math.inf) <= OLDEST_S
+        return row.has_known_end or min(ages_s, default=math.inf) <= OLDEST_S
 
     def _take(self, asking: Sequence[tuple[AlarmKey, Assessment, float]], now: float) -> None:
         """Take what several alarms ask for together: the hardest braking."""

@@ -64,7 +64,7 @@ class AlarmRow:
     """Whether a true one slows the traffic ahead of the host vehicle down, which confirms it."""
     may_brake: bool = True
     """Whether it may request braking."""
-    tells_its_end: bool = False
+    has_known_end: bool = False
     """Whether somebody says when the danger is over; else old observations are none."""
 
     @property
@@ -92,7 +92,7 @@ ALARMS: tuple[AlarmRow, ...] = (
         "The car ahead brakes hard",
         Headline.BRAKE,
         slows_traffic=True,
-        tells_its_end=True,
+        has_known_end=True,
     ),
     AlarmRow(
         ForwardCollisionWarning,

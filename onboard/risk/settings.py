@@ -25,9 +25,9 @@ class ImaSettings(Settings):
     """Intersection movement assist, by the collision probability P_C."""
 
     caution_p_c: float = Field(0.30, gt=0.0, le=1.0)
-    """Of 100 approaches without a crash 99 stay below it (docs/risk.md)."""
+    """Of 100 approaches without a crash 99 stay below it (docs/design/risk.md)."""
     warning_p_c: float = Field(0.45, gt=0.0, le=1.0)
-    """Above what any approach without a crash has reached (docs/risk.md)."""
+    """Above what any approach without a crash has reached (docs/design/risk.md)."""
 
 
 class RiskSettings(Settings):

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from sim_rig.roads.events import Situation
+from sim_rig.roads.events import EventSituation
 
 ANGLE_LIMITS_RAD = tuple(map(math.radians, (30.0, 75.0, 105.0)))
 """Between the strata of crossing angles: same direction, acute, right-angled, and oncoming."""
@@ -26,7 +26,7 @@ class EventCandidate(NamedTuple):
 
     recording: int
     """Index of the recording."""
-    situation: Situation
+    situation: EventSituation
 
     @property
     def pair(self) -> tuple[int, str, str]:

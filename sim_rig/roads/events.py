@@ -87,7 +87,7 @@ class TrafficEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class EventSituation:
     """A possible event, and the car that its car meets if nobody reacts."""
 
     event: TrafficEvent
@@ -111,7 +111,7 @@ class TrafficEvents:
         self._recording = recording
         self._has_lights = has_lights
 
-    def situations(self, kind: TrafficEventKind, rng: np.random.Generator) -> list[Situation]:
+    def situations(self, kind: TrafficEventKind, rng: np.random.Generator) -> list[EventSituation]:
         """Find all possible events of one kind, in the order of the recording.
 
         Args:
@@ -127,7 +127,7 @@ class TrafficEvents:
         return found or _out_of_turn(self._recording, rng)
 
 
-def _sudden_brakes(recording: RecordedTraffic, rng: np.random.Generator) -> list[Situation]:
+def _sudden_brakes(recording: RecordedTraffic, rng: np.random.Generator) -> list[EventSituation]:
     found = []
     for at_s in np.arange(2.0, recording.end_s - 8.0, _EVERY_S).round(1).tolist():
         cars, there = recording.cars_at(at_s), recording.there(at_s)
@@ -166,16 +166,16 @@ def _situation(
     names: tuple[str, str],
     headings_rad: tuple[float, float],
     speeds_m_s: tuple[float, float],
-) -> Situation:
+) -> EventSituation:
     """Describe the meeting of two cars by their names, headings and speeds."""
     angle_rad = angle_between(*headings_rad)
     one, other = speeds_m_s
     closing2 = one**2 + other**2 - 2.0 * one * other * math.cos(angle_rad)
     first, second = sorted(names)
-    return Situation(event, (first, second), angle_rad, math.sqrt(max(closing2, 0.0)))
+    return EventSituation(event, (first, second), angle_rad, math.sqrt(max(closing2, 0.0)))
 
 
-def _red_lights(recording: RecordedTraffic) -> list[Situation]:
+def _red_lights(recording: RecordedTraffic) -> list[EventSituation]:
     cars_at = cache(recording.cars_at)
     events = (
         TrafficEvent(TrafficEventKind.RED_LIGHT, car, at_s, sets_off=sets_off)
@@ -185,7 +185,7 @@ def _red_lights(recording: RecordedTraffic) -> list[Situation]:
     return [situation for situation in found if situation is not None]
 
 
-def _out_of_turn(recording: RecordedTraffic, rng: np.random.Generator) -> list[Situation]:
+def _out_of_turn(recording: RecordedTraffic, rng: np.random.Generator) -> list[EventSituation]:
     ways, found = _ways_crossed(recording), []
     for (car, mine), (other, others) in ways:
         drive, crossed = recording.drives[car], recording.drives[other]
@@ -246,7 +246,7 @@ def _turns(drive: Trajectory, step: int) -> bool:
 
 def _met_at_red(
     recording: RecordedTraffic, event: TrafficEvent, cars_at: Callable[[float], Cars]
-) -> Situation | None:
+) -> EventSituation | None:
     """Find the first car that crosses the runner's path within `_TIMING_S` of it."""
     drive = recording.drives[event.car]
     path = DrivePath(drive)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_rig.roads.event_order import EventCandidate, FairOrder
-from sim_rig.roads.events import Situation, TrafficEvent, TrafficEventKind
+from sim_rig.roads.events import EventSituation, TrafficEvent, TrafficEventKind
 
 EVENTS = st.builds(
     lambda at_s, *, sets_off: TrafficEvent(TrafficEventKind.RED_LIGHT, 0, at_s, sets_off=sets_off),
@@ -15,7 +15,7 @@ EVENTS = st.builds(
     sets_off=st.booleans(),
 )
 SITUATIONS = st.builds(
-    Situation,
+    EventSituation,
     EVENTS,
     st.tuples(st.sampled_from("abcd"), st.sampled_from("efgh")),
     st.floats(0.0, math.pi),
@@ -59,7 +59,7 @@ def test_a_stratum_is_a_range_of_angles_and_of_closing_speeds() -> None:
     event = TrafficEvent(TrafficEventKind.RED_LIGHT, 0, 1.0)
 
     def stratum(angle_deg: float, closing_m_s: float) -> tuple[int, int]:
-        situation = Situation(event, ("a", "b"), math.radians(angle_deg), closing_m_s)
+        situation = EventSituation(event, ("a", "b"), math.radians(angle_deg), closing_m_s)
         return EventCandidate(0, situation).stratum
 
     assert [stratum(angle_deg, 5.0)[0] for angle_deg in (0, 40, 90, 150)] == [0, 1, 2, 3]
