@@ -82,7 +82,7 @@ def measure() -> Iterator[Figure]:
                     (now,) = arguments
                     objects = core.kinematic_info(now)
             ended = time.process_time()
-            monitor.host.receive(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+            monitor.host.receive_observation(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
             monitor.assess(core.host_vehicle(now), objects, now)
             if number >= WARM:
                 times_s.append(ended - began)

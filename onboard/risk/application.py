@@ -30,11 +30,11 @@ class Application(ABC):
     def assess(self, situation: Situation) -> Assessed:
         """Assess all dangers of its kind, at 10 Hz."""
 
-    def receive(self, observation: Event, situation: Situation) -> Assessed:
+    def receive_event(self, event: Event, situation: Situation) -> Assessed:
         """Take one of `takes`, and assess again what it changes.
 
         Args:
-            observation: what has arrived.
+            event: what has arrived.
             situation: at its arrival; positions of vehicles are those of the last assessment.
         """
-        raise NotImplementedError(f"{type(self).__name__} takes no {observation.kind}")
+        raise NotImplementedError(f"{type(self).__name__} takes no {event.kind}")

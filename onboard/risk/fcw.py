@@ -55,10 +55,10 @@ class ForwardCollisionWarning(Application):
         return self._assess_all(situation)
 
     @override
-    def receive(self, observation: Event, situation: Situation) -> Assessed:
+    def receive_event(self, event: Event, situation: Situation) -> Assessed:
         """Take an observation of the lead vehicle, or that there is none."""
-        assert isinstance(observation, Lead)  # noqa: S101 (it takes no other)
-        self._camera.receive(observation, situation.speed)
+        assert isinstance(event, Lead)  # noqa: S101 (it takes no other)
+        self._camera.receive(event, situation.speed)
         return self._assess_all(situation)
 
     def _assess_all(self, situation: Situation) -> list[Assessment]:

@@ -34,21 +34,21 @@ class LccaWarning(Application):
         return [_assess(each, situation.now) for each in self._warnings.values()]
 
     @override
-    def receive(self, observation: Event, situation: Situation) -> Assessed:
+    def receive_event(self, event: Event, situation: Situation) -> Assessed:
         """Take a warning of the group, or a change of one."""
-        match observation:
+        match event:
             case WarningRaised():
-                self._warnings[observation.origin_id, observation.sequence] = observation
+                self._warnings[event.origin_id, event.sequence] = event
             case WarningLevel(origin_id=origin_id, sequence=sequence):
                 before = self._warnings.get((origin_id, sequence))
                 if before is not None:
                     self._warnings[origin_id, sequence] = replace(
                         before,
-                        cause=observation.cause,
-                        deceleration_m_s2=observation.deceleration_m_s2,
+                        cause=event.cause,
+                        deceleration_m_s2=event.deceleration_m_s2,
                     )
             case WarningOver():
-                self._warnings.pop((observation.origin_id, observation.sequence), None)
+                self._warnings.pop((event.origin_id, event.sequence), None)
         return self.assess(situation)
 
 

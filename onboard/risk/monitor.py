@@ -107,19 +107,19 @@ class RiskMonitor(Core):
         """Take elevation, size and hard braking of a remote vehicle."""
         self._bsm_data.receive_bsm(bsm, now)
 
-    def receive(self, observation: Event, now: float) -> bool:
+    def receive_event(self, event: Event, now: float) -> bool:
         """Take what arrives between assessments: an observation, or an event of another core.
 
         Returns:
             whether an application has assessed it at once.
         """
-        if isinstance(observation, Position):  # elevation and course; the state comes to `assess`
-            self._bsm_data.receive_own_elevation(observation.altitude_m)
-            self._path.receive_position(observation)
-        takers = [each for each in self._kinds if isinstance(observation, each.application.takes)]
+        if isinstance(event, Position):  # elevation and course; the state comes to `assess`
+            self._bsm_data.receive_own_elevation(event.altitude_m)
+            self._path.receive_position(event)
+        takers = [each for each in self._kinds if isinstance(event, each.application.takes)]
         for kind in takers:
             situation = replace(self._situation, now=now, reaction_s=self._reaction_s)
-            self._judge(kind, kind.application.receive(observation, situation), now)
+            self._judge(kind, kind.application.receive_event(event, situation), now)
         return bool(takers)
 
     def assess(

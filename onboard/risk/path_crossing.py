@@ -9,7 +9,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 from onboard.tracking.perceived_object import PerceivedObject
 
-RANGE_M = 120.0
+CROSSING_RANGE_M = 120.0
 """Largest distance of either vehicle from the crossing: 4 s at 30 m/s."""
 MIN_ANGLE_RAD = 0.35
 """Smallest angle between the courses; below it paths count as parallel."""
@@ -63,7 +63,7 @@ def path_crossing(own: PerceivedObject, other: PerceivedObject) -> PathCrossing 
     if angle_rad is None:
         return None
     mean = _approaches(np.array([[*own.state, *other.state]]).T)[:, 0]
-    if not np.all(np.abs(mean[[0, 2]]) <= RANGE_M):  # also false for overflows
+    if not np.all(np.abs(mean[[0, 2]]) <= CROSSING_RANGE_M):  # also false for overflows
         return None
     return PathCrossing(*linearised(_approaches, own, other), angle_rad)
 

@@ -39,7 +39,7 @@ class HostState:
         self._acceleration = HostBraking(ACCELERATION_WINDOW_S)
         self._braking = HostBraking(BRAKING_WINDOW_S)
 
-    def receive(self, observation: Event) -> None:
+    def receive_observation(self, observation: Event) -> None:
         """Take an observation of the host vehicle's sensors; most kinds change nothing."""
         match observation:
             case Speed():
@@ -50,7 +50,7 @@ class HostState:
                 self._pedal = observation
                 self._braking.receive_pedal(observation)
             case TurnSignal():
-                self._turn_signals.receive(observation)
+                self._turn_signals.receive_turn_signal(observation)
             case Position():
                 self._position = observation
 

@@ -257,7 +257,7 @@ class Vehicle(Core):
         """Take what a sensor of the vehicle has measured."""
         if not self._sensors.receive_observation(observation, now):
             return
-        self._host.receive(observation)
+        self._host.receive_observation(observation)
         match observation:
             case Speed():
                 self._receive_speed(observation, now)
@@ -415,7 +415,7 @@ class Vehicle(Core):
 
     def _assess_again(self, event: Event, now: float) -> None:
         """Let the alarms take an observation or an event at once, between assessments."""
-        if self._risk.receive(event, now):
+        if self._risk.receive_event(event, now):
             self._request_braking(now)
 
     def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:

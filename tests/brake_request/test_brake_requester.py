@@ -47,7 +47,7 @@ def assessment(
 def requester(speed_m_s: float | None = 20.0, **settings: float) -> BrakeRequester:
     found = BrakeRequester(BrakeRequestSettings(**settings), HostState())
     if speed_m_s is not None:
-        found.host.receive(Speed(0.0, speed_m_s, 0.3, "obd"))
+        found.host.receive_observation(Speed(0.0, speed_m_s, 0.3, "obd"))
     return found
 
 
@@ -77,10 +77,10 @@ def cause(core: BrakeRequester, event: RequestEvent) -> None:
             core.assess({FCW_ALARM: assessment(Level.CAUTION)}, 0.1)
         case RequestEvent.NONE:
             now = HOLD_S + 0.1
-            core.host.receive(Speed(now, 20.0, 0.3, "obd"))
+            core.host.receive_observation(Speed(now, 20.0, 0.3, "obd"))
             core.assess({FCW_ALARM: NOTHING}, now)
         case RequestEvent.HOST_STANDS:
-            core.host.receive(Speed(0.1, 0.0, 0.3, "obd"))
+            core.host.receive_observation(Speed(0.1, 0.0, 0.3, "obd"))
             core.assess({FCW_ALARM: assessment()}, 0.1)
         case RequestEvent.UNASSESSED:
             core.handle_timer(VALIDITY_S)
@@ -175,7 +175,7 @@ def test_the_request_stays_as_hard_as_ever_while_its_danger_lasts() -> None:
     core = requesting()
     for tenth in range(1, 20):
         now = tenth / 10.0
-        core.host.receive(Speed(now, 20.0, 0.3, "obd"))
+        core.host.receive_observation(Speed(now, 20.0, 0.3, "obd"))
         core.assess({FCW_ALARM: assessment(Level.CAUTION, 0.5)}, now)
         assert last(core).deceleration_m_s2 == 5.5
 
@@ -189,7 +189,7 @@ def test_harder_braking_is_asked_for_at_once() -> None:
 
 def test_a_caution_of_another_danger_does_not_prolong_a_request() -> None:
     core = requesting()
-    core.host.receive(Speed(0.6, 20.0, 0.3, "obd"))
+    core.host.receive_observation(Speed(0.6, 20.0, 0.3, "obd"))
     core.assess({IMA_ALARM: assessment(Level.CAUTION, 0.4)}, HOLD_S + 0.1)
 
     assert last(core).deceleration_m_s2 == 0.0
@@ -206,7 +206,7 @@ def test_old_observations_request_nothing() -> None:
 def test_without_a_host_speed_nothing_is_requested(speed: Speed | None) -> None:
     core = requester(None)
     if speed is not None:
-        core.host.receive(speed)
+        core.host.receive_observation(speed)
     core.assess({FCW_ALARM: assessment()}, 0.0)
 
     assert requests(core) == []
@@ -254,7 +254,7 @@ def test_no_request_outlasts_its_alarm_nor_exceeds_its_limits(
     raised_at = -RELEASE_S
     for tenth, (level, value, source, age_s, speed_m_s) in enumerate(drive):
         now = tenth / 10.0
-        core.host.receive(Speed(now, speed_m_s, 0.3, "obd"))
+        core.host.receive_observation(Speed(now, speed_m_s, 0.3, "obd"))
         core.handle_timer(now)
         core.assess({FCW_ALARM: assessment(level, value, source, age_s=age_s)}, now)
         raised_at = raised_at if level is Level.NONE else now

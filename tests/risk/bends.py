@@ -61,7 +61,7 @@ class Scene:
             own = self._fix(rng, now, self.speed_m_s * now, 0.0)
             other_way_m = self.speed_m_s * now + self.ahead_m
             other = self._fix(rng, now, other_way_m, self.left_m(other_way_m))
-            monitor.receive(own, now)
+            monitor.receive_event(own, now)
             keeper.receive_position(other)
         safety = VehicleSafetyExtensions(VehicleEventFlags.HARD_BRAKING, keeper.history(now))
         core = CoreData(

@@ -61,11 +61,13 @@ def tell(of: RiskMonitor, moment: Moment, *, pedal: bool | None, obd: bool = Tru
     """One frame at 20 Hz, with the speed in whole km/h."""
     now = moment.at_s
     if obd:
-        of.host.receive(Speed(now, math.floor(moment.speed_m_s / KM_H) * KM_H, KM_H, "obd:7E8"))
+        of.host.receive_observation(
+            Speed(now, math.floor(moment.speed_m_s / KM_H) * KM_H, KM_H, "obd:7E8")
+        )
     if pedal is not None:
-        of.host.receive(BrakePedal(now, pedal, "dbc:Brake.Pedal"))
+        of.host.receive_observation(BrakePedal(now, pedal, "dbc:Brake.Pedal"))
     closing_m_s = moment.speed_m_s - moment.lead_m_s
-    of.receive(
+    of.receive_event(
         Lead(now, LeadIdentity.UNKNOWN, gap_m=moment.gap_m, closing_speed_m_s=closing_m_s), now
     )
     return [event for event in iter(of.next_event, None) if isinstance(event, Alarm)]

@@ -45,24 +45,26 @@ Act = Callable[[RiskMonitor, float], None]
 
 
 speeds = st.builds(
-    lambda at_s, speed, source: lambda m, now: m.host.receive(
+    lambda at_s, speed, source: lambda m, now: m.host.receive_observation(
         Speed(now + at_s, speed, 0.28, source)
     ),
     late_s, st.sampled_from([0.0, 5.0, 15.0, 16.0, 70.0]), st.sampled_from(["obd", "dbc"]),
 )  # fmt: skip
 pedals = st.builds(
-    lambda at_s, pressed: lambda m, now: m.host.receive(BrakePedal(now + at_s, pressed, "dbc")),
+    lambda at_s, pressed: lambda m, now: m.host.receive_observation(
+        BrakePedal(now + at_s, pressed, "dbc")
+    ),
     late_s, st.booleans(),
 )  # fmt: skip
 leads = st.builds(
-    lambda at_s, gap, closing, sigma: lambda m, now: m.receive(
+    lambda at_s, gap, closing, sigma: lambda m, now: m.receive_event(
         Lead(now + at_s, LeadIdentity.UNKNOWN, None, gap, 1.0, closing, sigma), now
     ),
     late_s, st.sampled_from([None, -1.0, 0.0, 2.0, 4.0, 8.0, 60.0]),
     st.sampled_from([None, -60.0, 0.0, 5.0, 9.0, 60.0]), st.sampled_from([None, 0.3, 10.0]),
 )  # fmt: skip
 warnings = st.builds(
-    lambda age_s: lambda m, now: m.receive(lcca_warning(now - age_s, bytes(8)), now),
+    lambda age_s: lambda m, now: m.receive_event(lcca_warning(now - age_s, bytes(8)), now),
     st.floats(0.0, 5.0),
 )
 BRAKES_HARD = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)
@@ -75,7 +77,7 @@ words = st.builds(
 )  # fmt: skip
 positions = st.builds(
     lambda height_m: (
-        lambda m, now: m.receive(Position(now, 47.0, 8.0, height_m, 1.0, None, None), now)
+        lambda m, now: m.receive_event(Position(now, 47.0, 8.0, height_m, 1.0, None, None), now)
     ),
     maybe,
 )
@@ -109,7 +111,7 @@ def test_alarms_change_are_of_finite_value_say_why_and_end(acts: list[Act]) -> N
         act(monitor, now)
         look()
         now += STEP_S
-    monitor.receive(WarningOver(now, bytes(8), 7, "expired"), now)
+    monitor.receive_event(WarningOver(now, bytes(8), 7, "expired"), now)
     for _ in range(round(12.0 / STEP_S)):
         monitor.assess(None, [], now)
         look()

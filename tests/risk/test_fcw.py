@@ -164,8 +164,8 @@ def first_warning_s(
             return None
         if k % 2 == 0:
             coarse = math.floor(own_v / KM_H) * KM_H
-            monitor.host.receive(Speed(now, coarse, KM_H, "obd:7E8"))
-        monitor.receive(
+            monitor.host.receive_observation(Speed(now, coarse, KM_H, "obd:7E8"))
+        monitor.receive_event(
             Lead(now, LeadIdentity.UNKNOWN, gap_m=left_m, closing_speed_m_s=own_v - lead_v), now
         )
         while (event := monitor.next_event()) is not None:
@@ -279,8 +279,8 @@ def test_a_noisy_camera_behind_a_steady_car_raises_no_alarm() -> None:
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for k in range(20 * 60):
         now = k / 20
-        monitor.host.receive(Speed(now, 25.0, KM_H, "obd:7E8"))
-        monitor.receive(
+        monitor.host.receive_observation(Speed(now, 25.0, KM_H, "obd:7E8"))
+        monitor.receive_event(
             Lead(
                 now,
                 LeadIdentity.UNKNOWN,
@@ -301,8 +301,8 @@ def test_one_odd_frame_raises_no_alarm(odd_m_s: float, frames_a_second: int) -> 
     for k in range(4 * frames_a_second):
         now = k / frames_a_second
         closing_m_s = odd_m_s if k == 2 * frames_a_second else 0.0
-        monitor.host.receive(Speed(now, 20.0, KM_H, "obd:7E8"))
-        monitor.receive(
+        monitor.host.receive_observation(Speed(now, 20.0, KM_H, "obd:7E8"))
+        monitor.receive_event(
             Lead(now, LeadIdentity.UNKNOWN, gap_m=30.0, closing_speed_m_s=closing_m_s), now
         )
         monitor.assess(None, [], now + 0.9 / frames_a_second)
@@ -321,8 +321,8 @@ def test_a_new_lead_raises_no_alarm_while_its_speed_settles(error_m_s: float) ->
     for k in range(30):
         now = k / 10
         sigma = SETTLING_SIGMA_M_S[k] if k < len(SETTLING_SIGMA_M_S) else 1.0
-        monitor.host.receive(Speed(now, 20.0, KM_H, "obd:7E8"))
-        monitor.receive(
+        monitor.host.receive_observation(Speed(now, 20.0, KM_H, "obd:7E8"))
+        monitor.receive_event(
             Lead(now, LeadIdentity.UNKNOWN, gap_m=24.0, gap_sigma_m=1.0,
                  closing_speed_m_s=error_m_s * (sigma / 7.9) ** 2, closing_speed_sigma_m_s=sigma),
             now,
@@ -337,8 +337,8 @@ def test_a_standing_car_that_comes_into_view_warns_once_its_speed_has_settled() 
     for k in range(8):
         now = k / 10
         sigma = SETTLING_SIGMA_M_S[k] if k < len(SETTLING_SIGMA_M_S) else 1.0
-        monitor.host.receive(Speed(now, 20.0, KM_H, "obd:7E8"))
-        monitor.receive(
+        monitor.host.receive_observation(Speed(now, 20.0, KM_H, "obd:7E8"))
+        monitor.receive_event(
             Lead(now, LeadIdentity.UNKNOWN, gap_m=40.0 - 2.0 * k, gap_sigma_m=1.0,
                  closing_speed_m_s=20.0, closing_speed_sigma_m_s=sigma),
             now,

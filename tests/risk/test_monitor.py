@@ -210,7 +210,7 @@ def test_parallel_roads(beside_m: float, speed_m_s: float) -> None:
 @pytest.mark.parametrize(("height_m", "warned"), [(6.5, False), (-6.5, False), (0.5, True)])
 def test_a_bridge_over_the_road(height_m: float, warned: bool) -> None:
     of = monitor()
-    of.receive(Position(0.0, 47.0, 8.0, 400.0, 1.0, 14.0, 1.57), 0.0)
+    of.receive_event(Position(0.0, 47.0, 8.0, 400.0, 1.0, 14.0, 1.57), 0.0)
     of.receive_bsm(bsm(400.0 + height_m), 0.0)
 
     seen = drive(of, east(14.0, 50.0), north(14.0, 50.0), 3.4)
@@ -343,7 +343,7 @@ def test_a_hard_braking_flag_grows_old_and_its_alarm_ends() -> None:
 def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() -> None:
     of = monitor()
     origin = bytes(range(8))
-    of.receive(lcca_warning(5.0, origin), 5.0)
+    of.receive_event(lcca_warning(5.0, origin), 5.0)
     (raised,) = alarms(of)
     for k in range(51, 150):
         of.assess(None, [], k / 10)
@@ -351,7 +351,7 @@ def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() ->
     assert (raised.reasons[0].name, raised.reasons[0].age_s) == (origin.hex(), 0.02)
     assert alarms(of) == []
 
-    of.receive(WarningOver(15.0, origin, 7, "over"), 15.0)
+    of.receive_event(WarningOver(15.0, origin, 7, "over"), 15.0)
     for k in range(151, 170):
         of.assess(None, [], k / 10)
     (ended,) = alarms(of)
@@ -361,33 +361,33 @@ def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() ->
 def test_two_warnings_are_one_alarm_that_lasts_until_both_are_over() -> None:
     of = monitor()
     one, other = bytes(8), bytes(range(8))
-    of.receive(lcca_warning(5.0, one), 5.0)
-    of.receive(lcca_warning(5.1, other), 5.1)
-    of.receive(WarningLevel(5.2, other, 7, BrakeCause.ABS, 9.0), 5.2)
-    of.receive(WarningOver(6.0, one, 7, "over"), 6.0)
+    of.receive_event(lcca_warning(5.0, one), 5.0)
+    of.receive_event(lcca_warning(5.1, other), 5.1)
+    of.receive_event(WarningLevel(5.2, other, 7, BrakeCause.ABS, 9.0), 5.2)
+    of.receive_event(WarningOver(6.0, one, 7, "over"), 6.0)
     for k in range(61, 100):
         of.assess(None, [], k / 10)
 
     (raised,) = alarms(of)
     assert raised.value == 6.0
-    of.receive(WarningOver(10.0, other, 7, "expired"), 10.0)
+    of.receive_event(WarningOver(10.0, other, 7, "expired"), 10.0)
     of.assess(None, [], 11.1)
     assert [each.level for each in alarms(of)] == [Level.NONE]
 
 
 def test_a_change_of_a_warning_that_was_not_raised_has_no_effect() -> None:
     of = monitor()
-    of.receive(WarningLevel(5.0, bytes(8), 7, BrakeCause.ABS, 9.0), 5.0)
-    of.receive(WarningOver(5.0, bytes(8), 7, "over"), 5.0)
+    of.receive_event(WarningLevel(5.0, bytes(8), 7, BrakeCause.ABS, 9.0), 5.0)
+    of.receive_event(WarningOver(5.0, bytes(8), 7, "over"), 5.0)
     assert alarms(of) == []
 
 
 def test_an_alarm_can_be_written_to_the_trace() -> None:
     of = monitor()
-    of.host.receive(Speed(0.0, 20.0, KM_H, "obd:7E8"))
+    of.host.receive_observation(Speed(0.0, 20.0, KM_H, "obd:7E8"))
     for now in (0.0, 0.05):
         lead = Lead(now, LeadIdentity.UNKNOWN, gap_m=1.0, closing_speed_m_s=15.0)
-        of.receive(lead, now)
+        of.receive_event(lead, now)
 
     (alarm,) = alarms(of)
     line = as_line(alarm)
@@ -412,8 +412,8 @@ def test_a_gap_without_fresh_speed_or_sight_or_motion_raises_nothing(
 ) -> None:
     of = monitor()
     for now in (5.0, 5.05):
-        of.host.receive(Speed(now - speed_age_s, speed_m_s, KM_H, "obd:7E8"))
-        of.receive(
+        of.host.receive_observation(Speed(now - speed_age_s, speed_m_s, KM_H, "obd:7E8"))
+        of.receive_event(
             Lead(now - lead_age_s, LeadIdentity.UNKNOWN, gap_m=3.0, closing_speed_m_s=2.0), now
         )
     of.assess(None, [], 5.05)

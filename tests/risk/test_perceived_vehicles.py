@@ -55,10 +55,10 @@ def drive(
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for step in range(round(until_s * 20)):
         now = step / 20
-        monitor.host.receive(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+        monitor.host.receive_observation(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
         if camera is not None:
             gap_m, speed_m_s = camera(now)
-            monitor.receive(
+            monitor.receive_event(
                 Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.3, SPEED_M_S - speed_m_s, 0.5), now
             )
         if step % 2 == 0:
@@ -184,8 +184,8 @@ def test_without_a_position_the_cameras_lead_is_still_assessed() -> None:
     monitor = RiskMonitor(RiskSettings(), 4.8, 1.8)
     for step in range(4):
         now = step / 20
-        monitor.host.receive(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
-        monitor.receive(Lead(now, LeadIdentity.UNKNOWN, None, 20.0, 0.3, SPEED_M_S, 0.5), now)
+        monitor.host.receive_observation(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
+        monitor.receive_event(Lead(now, LeadIdentity.UNKNOWN, None, 20.0, 0.3, SPEED_M_S, 0.5), now)
         monitor.assess(None, [], now)
 
     assert monitor.next_event() is not None
@@ -202,8 +202,8 @@ def test_a_standing_queue_in_the_lane_beside_raises_none(left_m: float) -> None:
             speed_m_s = began_m_s - braking_m_s2 * now
             way_m = (began_m_s + speed_m_s) / 2.0 * now
             fix = noisy_fix(road.at(way_m, 0.0), speed_m_s, now, rng)
-            monitor.receive(fix, now)
-            monitor.host.receive(Speed(now, speed_m_s, KM_H, "obd:7E8"))
+            monitor.receive_event(fix, now)
+            monitor.host.receive_observation(Speed(now, speed_m_s, KM_H, "obd:7E8"))
             host = as_object(fix, "own", ObjectSource.HOST)
             queue = [
                 replace(
@@ -227,7 +227,7 @@ def test_who_brakes_enough_within_the_error_of_the_gap_is_not_warned(source: Obj
             after_s = now - 1.1
             speed_m_s = 9.6 - braking_m_s2 * after_s
             gap_m = 25.0 - (9.6 + speed_m_s) / 2.0 * after_s
-            monitor.host.receive(Speed(now, speed_m_s, 0.02, "study"))
+            monitor.host.receive_observation(Speed(now, speed_m_s, 0.02, "study"))
             queue = vehicle(gap_m, 0.0, now, source=source, sigma_m_s=0.4)
             monitor.assess(own(now, speed_m_s), [queue], now)
         return any(alarm.level is Level.WARNING for alarm in fcw_alarms(monitor))

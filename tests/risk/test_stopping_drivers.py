@@ -51,7 +51,7 @@ def warnings(
         now = k / 10
         read_m_s = stop(now - 0.05, speed_m_s, braking_m_s2)[1]
         floor_m_s = math.floor(read_m_s / KM_H) * KM_H
-        monitor.host.receive(Speed(now - 0.05, floor_m_s, KM_H, "obd:7E8"))
+        monitor.host.receive_observation(Speed(now - 0.05, floor_m_s, KM_H, "obd:7E8"))
         age_s = (now - phase_s) % (1.0 / fixes_hz)
         place_m, fix_m_s = stop(now - age_s, speed_m_s, braking_m_s2)
         velocity_m_s = fix_m_s + 0.1 * rng.normal()
@@ -94,7 +94,7 @@ def test_by_old_data_the_other_driver_may_have_begun_to_brake(
     for k in range(20):
         now = k / 10
         left_m = 14.0 * (4.0 - now)
-        monitor.host.receive(Speed(now, 14.0, KM_H, "obd:7E8"))
+        monitor.host.receive_observation(Speed(now, 14.0, KM_H, "obd:7E8"))
         mine, other = (-left_m, 0.0, 14.0, 0.0), (0.0, -left_m, 0.0, 14.0)
         monitor.assess(
             perceived("own", mine, now, 0.1, None),

@@ -48,12 +48,12 @@ def warnings(
         now = k / 10
         own, other = mine(now), others(now)
         floor_m_s = math.floor(own[3] / KM_H) * KM_H
-        monitor.host.receive(Speed(now, floor_m_s, KM_H, "obd:7E8"))
+        monitor.host.receive_observation(Speed(now, floor_m_s, KM_H, "obd:7E8"))
         core = CoreData(1, bytes.fromhex(OTHER), heading_rad=NORTH - other[2])
         safety = None if other_lights is None else VehicleSafetyExtensions(lights=other_lights)
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         for side in sides:
-            monitor.host.receive(TurnSignal(now, side, now % 0.8 < 0.4, "can"))
+            monitor.host.receive_observation(TurnSignal(now, side, now % 0.8 < 0.4, "can"))
         monitor.assess(
             perceived("own", own, now),
             [perceived(OTHER, other, now)],

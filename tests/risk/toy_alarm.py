@@ -34,9 +34,9 @@ class ToyAlarm(Application):
         return [Assessment(Level.WARNING, 4.0, (reason,))]
 
     @override
-    def receive(self, observation: Event, situation: Situation) -> Assessed:
-        assert isinstance(observation, Lead)
-        self._lead = observation
+    def receive_event(self, event: Event, situation: Situation) -> Assessed:
+        assert isinstance(event, Lead)
+        self._lead = event
         return self.assess(situation)
 
 

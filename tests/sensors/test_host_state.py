@@ -33,7 +33,7 @@ def test_a_sample_is_valid_as_long_as_its_reader_allows(name: str) -> None:
     assert read(host, 10.0) is None
 
     for each in (SPEED, PEDAL, FIX):
-        host.receive(each)
+        host.receive_observation(each)
 
     assert read(host, 10.0 + valid_s - 0.01) is sample
     assert read(host, 10.0 + valid_s + 0.01) is None
@@ -48,8 +48,8 @@ def test_turn_signals_are_on_until_a_period_after_their_lamps(
 ) -> None:
     host = HostState()
     for side in on:
-        host.receive(TurnSignal(10.0, side, True, "dbc"))
-        host.receive(TurnSignal(10.5, side, False, "dbc"))
+        host.receive_observation(TurnSignal(10.0, side, True, "dbc"))
+        host.receive_observation(TurnSignal(10.5, side, False, "dbc"))
 
     assert host.turn_signals(10.9) == expected
     assert host.turn_signals(11.1) == set()
@@ -60,7 +60,7 @@ def test_acceleration_and_braking_follow_the_speeds() -> None:
     assert (host.acceleration_m_s2(10.0), host.braking_m_s2(10.0)) == (None, None)
 
     for k in range(20):
-        host.receive(Speed(10.0 + k / 20, 20.0 - 5.0 * k / 20, 0.01, "dbc"))
+        host.receive_observation(Speed(10.0 + k / 20, 20.0 - 5.0 * k / 20, 0.01, "dbc"))
 
     assert host.acceleration_m_s2(10.95) == pytest.approx(-5.0)
     assert host.braking_m_s2(10.95) == pytest.approx(5.0, abs=0.05)

@@ -191,7 +191,7 @@ def _warned_s(
     heading_error_rad = HEADING_SIGMA_RAD * rng.standard_normal()
     for tick in range(0, len(meeting.speed_m_s), round(EVERY_S / TICK_S)):
         now = tick * TICK_S
-        monitor.host.receive(_obd_speed(meeting, tick, host))
+        monitor.host.receive_observation(_obd_speed(meeting, tick, host))
         own, other = (
             _perceived_object(
                 meeting, (tick, car), bias_m[car], settings.receivers, is_host=car == host, rng=rng
@@ -203,7 +203,7 @@ def _warned_s(
         safety = None
         if settings.turn_signals and meeting.turns_left:
             if host == 1:
-                monitor.host.receive(TurnSignal(now, "left", is_on=True, source="can"))
+                monitor.host.receive_observation(TurnSignal(now, "left", is_on=True, source="can"))
             else:
                 safety = VehicleSafetyExtensions(lights=ExteriorLights.LEFT_TURN_SIGNAL)
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)

@@ -263,7 +263,7 @@ class _Follower:
                 self._mvs.update(now)
                 own, objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
                 self._monitor.assess(own, objects, now)
-                self._exact.receive(self._exact_lead(now), now)
+                self._exact.receive_event(self._exact_lead(now), now)
             warned += _warnings(self._monitor)
             exact += _warnings(self._exact)
         return warned, exact
@@ -281,7 +281,7 @@ class _Follower:
         for event in (*iter(self._nmea.next_event, None), *iter(self._objects.next_event, None)):
             if isinstance(event, Position):
                 self._mvs.receive_position(event)
-                self._monitor.receive(event, now)
+                self._monitor.receive_event(event, now)
             elif isinstance(event, DetectionList):
                 for detection in event.cars:
                     self._mvs.receive_detection(detection)
@@ -290,8 +290,8 @@ class _Follower:
         at_s = now - SPEED_AGE_S
         speed_m_s = self._host.state(at_s).speed_m_s
         whole_m_s = math.floor(speed_m_s / KM_H) * KM_H
-        self._monitor.host.receive(Speed(at_s, whole_m_s, KM_H, "obd:7E8"))
-        self._exact.host.receive(Speed(at_s, speed_m_s, KM_H, "obd:7E8"))
+        self._monitor.host.receive_observation(Speed(at_s, whole_m_s, KM_H, "obd:7E8"))
+        self._exact.host.receive_observation(Speed(at_s, speed_m_s, KM_H, "obd:7E8"))
 
     def _exact_lead(self, now: float) -> Lead:
         host, lead = self._host.state(now), self._lead.state(now)

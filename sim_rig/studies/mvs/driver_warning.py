@@ -54,7 +54,7 @@ class WarningModel:
 
     def receive_speed(self, speed: Speed) -> None:
         """Take a sample of the host vehicle's speed."""
-        self._monitor.host.receive(speed)
+        self._monitor.host.receive_observation(speed)
 
     def receive_bsm(self, message: BasicSafetyMessage, now: float) -> None:
         """Take the BSM of a remote vehicle."""
@@ -63,7 +63,7 @@ class WarningModel:
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Take what the camera shows of the vehicle ahead."""
         self._lead = lead
-        self._monitor.receive(lead, now)
+        self._monitor.receive_event(lead, now)
 
     def receive_group_warning(
         self, warning: WarningRaised | WarningLevel | WarningOver, now: float
@@ -71,7 +71,7 @@ class WarningModel:
         """Take what the warning group says of the braking of a vehicle ahead."""
         if isinstance(warning, WarningRaised):
             self._group_warnings[warning.origin_id.hex()] = warning
-        self._monitor.receive(warning, now)
+        self._monitor.receive_event(warning, now)
 
     def assess(
         self,
@@ -92,7 +92,7 @@ class WarningModel:
             The active warnings, at most one of each cause.
         """
         if fix is not None:
-            self._monitor.receive(fix, now)
+            self._monitor.receive_event(fix, now)
         self._monitor.assess(own, cars, now)
         self._objects |= {car.name: car for car in cars}
         while (event := self._monitor.next_event()) is not None:
