@@ -15,7 +15,8 @@ from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
 from onboard.misbehaviour.signer_credibility import CLAIM_S, MOST_ALARMS
 from onboard.observations import BrakeCause, Discarded, HardBrake, Speed
-from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
+from onboard.risk.alarm import AlarmReason, Assessment, Level
+from onboard.risk.lcca_warning import LCCA
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.security.settings import PlateDigestSettings
@@ -165,7 +166,7 @@ def test_who_signs_a_warning_is_charged_not_whose_id_it_bears(pair: Pair) -> Non
         reason = AlarmReason(warning.kind, warning.origin_id.hex(), 0.0)
         assessment = Assessment(Level.WARNING, 6.0, (reason,))
         for at in (0.0, 1.0):
-            assert behind.claims.permits(Cause.LCCA, assessment, pair.now + at)
+            assert behind.claims.permits(LCCA, assessment, pair.now + at)
         pair.now += CLAIM_S + 1.0
 
     for signer, is_ignored in ((b"signer 9", True), (SIGNERS[AHEAD], False)):

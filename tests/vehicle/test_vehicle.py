@@ -6,7 +6,8 @@ import pytest
 from onboard.core import Core
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.observations import BrakeCause, HardBrake, Position, Sensor, Speed
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.lcca_warning import LCCA
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonyms
 from onboard.settings import parse_settings
@@ -89,7 +90,7 @@ def test_a_braking_ahead_raises_the_alarm_behind(lane: Lane) -> None:
         ]
         for plate, events in lane.events.items()
     }
-    assert raised == {AHEAD: [], BEHIND: [Cause.LCCA]}
+    assert raised == {AHEAD: [], BEHIND: [LCCA]}
 
 
 def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:
