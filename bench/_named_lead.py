@@ -12,7 +12,7 @@ from onboard.lcca.events import TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.observations import Lead
-from sim_rig.studies.lcca.platoon_sight import car_id_of
+from sim_rig.studies.lcca.study_lcca import car_id_of
 
 SPEED_M_S = 15.0
 _OWN, _OWN_TEMPORARY, _TEMPORARY = b"host-car", b"host", b"lead"

@@ -18,11 +18,9 @@ from pydantic import Field
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.kinematics.units import KM_H
 from onboard.lcca.events import WarningRaised
-from onboard.lcca.group import WarningGroup
-from onboard.lcca.identification import Identification
 from onboard.lcca.settings import LccaSettings
-from onboard.messages.lcca import Answer, Inquiry, LccaMessage, Warn
-from onboard.observations import HardBrake
+from onboard.messages.lcca import Warn
+from onboard.observations import HardBrake, Speed
 from onboard.settings import Settings
 from sim_rig.cars.camera_view import FPS
 from sim_rig.rendering.plate_texts import text_of
@@ -37,8 +35,8 @@ from sim_rig.studies.lcca.platoon_sight import (
     ClearView,
     MeasuredSight,
     Sight,
-    car_id_of,
 )
+from sim_rig.studies.lcca.study_lcca import car_id_of, handle_timers, study_lcca, take_warnings
 
 _STEP_S = 0.01
 _SPEED_INTERVAL_S = 0.1
@@ -125,20 +123,18 @@ class Platoon:
         self._radios = np.flatnonzero(rng.random(cars) < case.share).tolist()
         self._plates = [text_of("LL###LL", rng) for _ in range(cars)]
         self._ids = [car_id_of(plate) for plate in self._plates]
-        self._groups = {
-            car: WarningGroup(
-                settings.lcca.parameters(), self._ids[car], np.random.default_rng([seed, car])
+        self._lcca = {
+            car: study_lcca(
+                self._plates[car],
+                _temporary_id(car),
+                settings.lcca.parameters(),
+                np.random.default_rng([seed, car]),
             )
             for car in self._radios
         }
         speedometers = rng.uniform(*_SPEEDOMETER, cars)
         self._measured_m_s = np.round(self._speed_m_s * speedometers / KM_H) * KM_H
         self._sights = {car: self._sight(car, case.sight, seed) for car in self._radios if car}
-        self._first = (
-            Identification(self._ids[0], _temporary_id(0), np.random.default_rng([seed, 3]))
-            if case.sight in LENSES
-            else None
-        )
         self._lossy_channel = LossyChannel(
             positions_m,
             self._radios,
@@ -162,7 +158,7 @@ class Platoon:
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
         self._braking_detected: set[int] = set()
-        self.followers = sum(car - 1 in self._groups for car in self._sights)
+        self.followers = sum(car - 1 in self._lcca for car in self._sights)
         """Cars with a radio behind a car with a radio."""
         self.known = self.wrongly_known = 0
         """Those of them that know their lead when the first car brakes; that take it for another
@@ -185,10 +181,9 @@ class Platoon:
                 self._count_known()
             self._look(now)
             self._deliver(now)
-            for car, group in self._groups.items():
-                if group.get_timer() <= now:
-                    group.handle_timer(now)
-                self._send(car, group, now)
+            for car, lcca in self._lcca.items():
+                handle_timers(lcca, now)
+                self._send(car, now)
 
     def crashes(self) -> int:
         """Number of cars that hit their lead."""
@@ -221,7 +216,7 @@ class Platoon:
             self.events += 1
             self.flooding_messages += self._lossy_channel.reached_by_flooding(car)
             brake = HardBrake(now, float(self._decelerations_m_s2[car]), "study")
-            self._groups[car].receive_hard_brake(brake, now)
+            self._lcca[car].receive_hard_brake(brake, now)
 
     def _sight(self, car: int, sight: Sight, seed: int) -> AssumedSight | MeasuredSight:
         rng = np.random.default_rng([seed, car, 3])
@@ -229,66 +224,48 @@ class Platoon:
         phase_s = float(rng.uniform(0.0, 1.0 / FPS)) - self._settings.forming_s
         if sight not in LENSES:
             reach_m = math.inf if sight == "unlimited" else float(sight)
-            return AssumedSight(gap_m, plate, phase_s, reach_m)
-        identification = Identification(self._ids[car], _temporary_id(car), rng)
-        seen = [("ahead", SceneCar(gap_m, plate=plate))]
-        return MeasuredSight(
-            identification, ClearView(lambda _: seen), LENSES[str(sight)], phase_s, rng
-        )
+            return AssumedSight(self._lcca[car], gap_m, plate, phase_s, reach_m)
+        view = ClearView(lambda _: [("ahead", SceneCar(gap_m, plate=plate))])
+        return MeasuredSight(self._lcca[car], view, LENSES[str(sight)], phase_s, rng)
 
     def _measure_speeds(self, now: float) -> None:
         """Report the initial speeds; later ones, as later gaps, do not influence the result."""
-        for car, group in self._groups.items():
-            group.receive_speed(float(self._measured_m_s[car]), now)
-            if (core := self._identification(car)) is not None:
-                core.receive_speed(float(self._measured_m_s[car]), now)
+        for car, lcca in self._lcca.items():
+            lcca.receive_speed(Speed(now, float(self._measured_m_s[car]), KM_H, "study"), now)
 
     def _look(self, now: float) -> None:
-        for car, sight in self._sights.items():
+        for sight in self._sights.values():
             if sight.get_timer() <= now:
-                self._groups[car].receive_lead(sight.look(now), now)
+                sight.look(now)
 
     def _count_known(self) -> None:
         leads = {car: self._sights[car].lead_id for car in self._sights}
         self.known = sum(
-            each == self._ids[car - 1] for car, each in leads.items() if car - 1 in self._groups
+            each == self._ids[car - 1] for car, each in leads.items() if car - 1 in self._lcca
         )
         self.wrongly_known = sum(
             each not in (None, self._ids[car - 1]) for car, each in leads.items()
         )
 
-    def _identification(self, car: int) -> Identification | None:
-        """Who asks which car is the lead, and answers; `None` where that is known anyway."""
-        sight = self._sights.get(car)
-        return self._first if car == 0 else None if sight is None else sight.identification
-
-    def _send(self, car: int, group: WarningGroup, now: float) -> None:
-        core = self._identification(car)
-        inquiries: list[LccaMessage] = [] if core is None else [*core.messages_to_send()]
-        for message in (*group.messages_to_send(now), *inquiries):
+    def _send(self, car: int, now: float) -> None:
+        for warning in take_warnings(self._lcca[car], now):
+            if isinstance(warning, WarningRaised):
+                self.warned_s[car] = min(self.warned_s[car], now)
+        for message in self._lcca[car].messages_to_send(now):
             self.warn_messages += isinstance(message, Warn) and message.is_first
             self._channel.send(car, message, now)
-        while (event := group.next_event()) is not None:
-            if isinstance(event, WarningRaised):
-                self.warned_s[car] = min(self.warned_s[car], now)
-        while core is not None and core.next_event() is not None:
-            pass
 
     def _deliver(self, now: float) -> None:
         for message, receivers in list(self._channel.received(now)):
             for car in receivers:
-                core = self._identification(car)
-                if not isinstance(message, Inquiry | Answer):
-                    self._groups[car].receive_message(message, now)
-                elif core is not None:
-                    core.receive_message(message, None, now)
-                self._send(car, self._groups[car], now)
+                self._lcca[car].receive_message(message, None, now, now)
+                self._send(car, now)
         for sender, receivers in self._channel.bsms_received(now):
-            temporary_id = _temporary_id(sender)
+            temporary_id, speed_m_s = _temporary_id(sender), float(self._measured_m_s[sender])
             for car in receivers:
-                if (core := self._identification(car)) is not None:
-                    speed_m_s = float(self._measured_m_s[sender])
-                    core.receive_speed_on_air(temporary_id, temporary_id, speed_m_s, now)
+                self._lcca[car].identification.receive_speed_on_air(
+                    temporary_id, temporary_id, speed_m_s, now
+                )
 
 
 def _temporary_id(car: int) -> bytes:

@@ -1,10 +1,10 @@
 """How often another vehicle than the one ahead is taken for it.
 
 A host vehicle has a new lead every few seconds, among many in range. Its camera reads the
-plate by the model of photographs (`sim_rig/cars/plate_readings.py`), and `Identification` is the
-core that ships. Some vehicles drive in the host's stream and so almost at its speed; a fleet has
-consecutive plates. An insider may have read the plate ahead and answer for it, with a vehicle of
-his own elsewhere.
+plate by the model of photographs (`sim_rig/cars/plate_readings.py`). Of its cores `Identification`
+is driven alone, as it ships: who may answer is then the study's choice. Some vehicles drive in the
+host's stream and so almost at its speed; a fleet has consecutive plates. An insider may have read
+the plate ahead and answer for it, with a vehicle of his own elsewhere.
 """
 
 import math
@@ -26,7 +26,7 @@ from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
-from sim_rig.studies.lcca.platoon_sight import car_id_of
+from sim_rig.studies.lcca.study_lcca import car_id_of
 
 PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
 CHANGES_A_RUN = 10

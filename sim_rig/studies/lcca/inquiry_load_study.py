@@ -1,7 +1,8 @@
 """Load of the 802.11p channel when many cars at once ask who is ahead.
 
-All cars are in range of each other, send BSMs, and ask for 16 texts each with the core of the car.
-The lead answers, or no car bears any of the texts, so that all go on asking.
+All cars are in range of each other, send BSMs, and ask for 16 texts each. The lead answers, or no
+car bears any of the texts, so that all go on asking. Of the car's cores `Identification` alone is
+driven: its candidates are given, not read, and groups would load the channel too.
 """
 
 from collections import Counter
@@ -18,7 +19,7 @@ from sim_rig.radio.ofdm import airtime_s, psdu_bytes
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 from sim_rig.studies.lcca.platoon_channel import CHANNEL_STEP_S, PlatoonChannel
-from sim_rig.studies.lcca.platoon_sight import car_id_of
+from sim_rig.studies.lcca.study_lcca import car_id_of
 from sim_rig.studies.radio.study_channel import BSM_BYTES, SECURED_BYTES
 
 SPEED_M_S, GAP_M = 20.0, 20.0
@@ -155,7 +156,7 @@ class _Traffic:
                 self.airtime_s += _airtime_s(self._settings, len(encode(message)))
 
     def _vehicle(self, car: int, *, is_there: bool) -> TrackedLead:
-        first = f"CAR{car - 1}" if is_there else f"OTHER{car}"
+        first = f"CAR{car - 1}" if is_there and car else f"OTHER{car}"
         texts = [first, *(f"OTHER{car}.{number}" for number in range(1, MAX_NAMES))]
         probabilities = [LIKELIEST] + [(1.0 - LIKELIEST) / MAX_NAMES] * (MAX_NAMES - 1)
         candidates = (

@@ -1,40 +1,43 @@
 """Plate cameras and LCCA of an MVS study's cars: who follows whom, and who is warned.
 
-Each car with a radio has the rig's camera model and the LCCA cores of `onboard`; IDs are hashes of
-plates, as in `lcca_chain`. All cars have plates. Messages reach the radios in range, and do not
+Each car with a radio has the rig's camera model and the LCCA of `onboard`, as in `lcca-chain`. All
+cars have plates. Messages reach the radios in range, and do not
 load the channel of the BSMs. Houses hide no plates: only who drives the same way is read.
 """
 
 import heapq
 import math
 from collections import defaultdict, deque
-from collections.abc import Iterator, Set
+from collections.abc import Set
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
 
 import numpy as np
 
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
-from onboard.lcca.group import WarningGroup
-from onboard.lcca.identification import Identification
 from onboard.lcca.settings import LccaSettings
-from onboard.messages.lcca import Answer, CarId, Inquiry, LccaMessage
-from onboard.observations import HardBrake, Lead
+from onboard.messages.lcca import CarId, LccaMessage
+from onboard.observations import HardBrake, Lead, Speed
+from onboard.vehicle.lcca_application import LccaApplication
 from sim_rig.cars.camera_view import FPS, SIGHT_M
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import SceneCar
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.scenario.sensor_settings import LensSettings
-from sim_rig.studies.lcca.platoon_sight import ClearView, MeasuredSight, car_id_of
+from sim_rig.studies.lcca.platoon_sight import ClearView, MeasuredSight
+from sim_rig.studies.lcca.study_lcca import (
+    GroupWarning,
+    car_id_of,
+    handle_timers,
+    study_lcca,
+    take_warnings,
+)
 from sim_rig.studies.mvs.bsms import TICK_S
 
 FORMING_S = 4.0
 """Time before MVS begins in which cars drive behind each other and warning groups form."""
 _STEP_S = 0.01
 _TRANSMISSION_S = 0.002
-
-GroupWarning = WarningRaised | WarningLevel | WarningOver
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +107,9 @@ class LccaFleet:
             at = cars.names.index(name)
             self._positions_m[name] = cars.middle_m[at]
             step_m_s = self._speed_step_m_s
-            car.receive_speed(round(float(cars.speed_m_s[at]) / step_m_s) * step_m_s, cars.at_s)
+            speed_m_s = round(float(cars.speed_m_s[at]) / step_m_s) * step_m_s
+            car.speed = Speed(cars.at_s, speed_m_s, step_m_s, "study")
+            car.lcca.receive_speed(car.speed, cars.at_s)
         self._receive_speeds_on_air(cars.at_s)
         for step in range(1, round((until_s - cars.at_s) / _STEP_S) + 1):
             self._step(cars.at_s + step * _STEP_S)
@@ -130,14 +135,10 @@ class LccaFleet:
             car_id = car_id_of(self._plates[name])
             self._names[car_id] = name
             phase_s = cars.at_s + float(self._rng.uniform(0.0, 1.0 / FPS))
-            identification = Identification(car_id, car_id[:4], self._rng)
+            lcca = study_lcca(self._plates[name], car_id[:4], self._parameters, self._rng)
             view = ClearView(partial(self._seen_by, name))
-            self._with_lcca[name] = _LccaCar(
-                car_id,
-                WarningGroup(self._parameters, car_id, self._rng),
-                identification,
-                MeasuredSight(identification, view, self._lens, phase_s, self._rng),
-            )
+            sight = MeasuredSight(lcca, view, self._lens, phase_s, self._rng)
+            self._with_lcca[name] = _LccaCar(car_id[:4], lcca, sight)
 
     def _seen_by(self, name: str, at_s: float) -> list[tuple[str, SceneCar]]:
         """The scene in front of a car's camera, the nearest car first."""
@@ -174,26 +175,26 @@ class LccaFleet:
             _, message, receivers = self._in_transmission.popleft()
             for name in receivers:
                 if (receiver := self._with_lcca.get(name)) is not None:
-                    receiver.receive_message(message, now)
+                    receiver.lcca.receive_message(message, None, now, now)
         while self._brakes and self._brakes[0][0] <= now:
             *_, name, brake = heapq.heappop(self._brakes)
             if (braking := self._with_lcca.get(name)) is not None:
-                braking.group.receive_hard_brake(brake, now)
+                braking.lcca.receive_hard_brake(brake, now)
         for name, car in self._with_lcca.items():
-            lead = car.handle_timer(now)
-            if lead is not None:
+            if (lead := car.look(now)) is not None:
                 self._reports[name].append((now, lead))
-            for message in car.messages_to_send(now):
+            handle_timers(car.lcca, now)
+            self._reports[name] += [(now, warning) for warning in take_warnings(car.lcca, now)]
+            for message in car.lcca.messages_to_send(now):
                 arrives_s = now + _TRANSMISSION_S
                 self._in_transmission.append((arrives_s, message, self._reached(name)))
-            self._reports[name] += [(now, warning) for warning in car.warnings()]
 
     def _receive_speeds_on_air(self, now: float) -> None:
         for sender, car in self._with_lcca.items():
-            temporary_id = car.car_id[:4]
             for name in self._reached(sender):
-                receiver = self._with_lcca[name].identification
-                receiver.receive_speed_on_air(temporary_id, temporary_id, car.speed_m_s, now)
+                self._with_lcca[name].lcca.identification.receive_speed_on_air(
+                    car.temporary_id, car.temporary_id, car.speed.speed_m_s, now
+                )
 
     def _reached(self, sender: str) -> list[str]:
         here, radio = self._positions_m[sender], self._radio
@@ -207,48 +208,17 @@ class LccaFleet:
 
 
 class _LccaCar:
-    """The cores of one car."""
+    """Camera and LCCA of one car."""
 
-    def __init__(
-        self,
-        car_id: CarId,
-        group: WarningGroup,
-        identification: Identification,
-        sight: MeasuredSight,
-    ) -> None:
-        self.car_id = car_id
-        self.group = group
-        self.identification = identification
+    def __init__(self, temporary_id: bytes, lcca: LccaApplication, sight: MeasuredSight) -> None:
+        self.temporary_id = temporary_id
+        self.lcca = lcca
         self.sight = sight
-        self.speed_m_s = 0.0
+        self.speed = Speed(0.0, 0.0, 0.0, "study")
 
-    def receive_speed(self, speed_m_s: float, now: float) -> None:
-        self.speed_m_s = speed_m_s
-        self.group.receive_speed(speed_m_s, now)
-        self.identification.receive_speed(speed_m_s, now)
-
-    def receive_message(self, message: LccaMessage, now: float) -> None:
-        if isinstance(message, Inquiry | Answer):
-            self.identification.receive_message(message, None, now)
-        else:
-            self.group.receive_message(message, now)
-
-    def handle_timer(self, now: float) -> Lead | None:
-        """Return what an image that is due shows."""
-        lead = None
-        if self.sight.get_timer() <= now:
-            self.group.receive_lead(self.sight.look(now), now)
-            lead = self.sight.lead
-        if self.group.get_timer() <= now:
-            self.group.handle_timer(now)
-        return lead
-
-    def messages_to_send(self, now: float) -> list[LccaMessage]:
-        return [*self.group.messages_to_send(now), *self.identification.messages_to_send()]
-
-    def warnings(self) -> Iterator[GroupWarning]:
-        while self.identification.next_event() is not None:
-            pass
-        while (event := self.group.next_event()) is not None:
-            if isinstance(event, WarningRaised | WarningLevel | WarningOver):
-                yield event
+    def look(self, now: float) -> Lead | None:
+        """Return what an image that is due shows, which LCCA is given."""
+        if self.sight.get_timer() > now:
+            return None
+        self.sight.look(now)
+        return self.sight.lead
