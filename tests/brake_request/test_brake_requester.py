@@ -1,6 +1,7 @@
 """Requests to brake: when they begin, what they ask for, and when they end."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -44,7 +45,7 @@ def assessment(
     return Assessment(level, value, (*reasons, AlarmReason("speed", "obd", 0.0)), vehicle)
 
 
-def requester(speed_m_s: float | None = 20.0, **settings: float) -> BrakeRequester:
+def requester(speed_m_s: float | None = 20.0, **settings: Any) -> BrakeRequester:
     found = BrakeRequester(BrakeRequestSettings(**settings), HostState())
     if speed_m_s is not None:
         found.host.receive_observation(Speed(0.0, speed_m_s, 0.3, "obd"))

@@ -1,6 +1,7 @@
 """Requests as datagrams and as CAN frames by DBC."""
 
 from pathlib import Path
+from typing import Any
 
 import cantools
 import pytest
@@ -50,7 +51,7 @@ WHOLE = {
 }
 
 
-def layout(text: str = DBC, **names: str) -> RequestFrameLayout:
+def layout(text: str = DBC, **names: Any) -> RequestFrameLayout:
     settings = RequestFrameSettings(channel="can1", dbc=Path("car.dbc"), **names)
     return RequestFrameLayout(settings, text, 6.0)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from onboard.bsm_transmission.schedule import (
     JITTER_S,
@@ -11,11 +12,13 @@ from onboard.bsm_transmission.schedule import (
 )
 
 
-def _schedule(seed=1):
+def _schedule(seed: int = 1) -> BsmSchedule:
     return BsmSchedule(np.random.default_rng(seed), now=0.0)
 
 
-def _sent(schedule, until_s, cars=0, distance_m=50.0):
+def _sent(
+    schedule: BsmSchedule, until_s: float, cars: int = 0, distance_m: float | None = 50.0
+) -> NDArray[np.float64]:
     """Run `schedule` by its timer, with `cars` received at 10 Hz."""
     times, heard_at = [], 0.0
     while (now := schedule.get_timer()) < until_s:
@@ -29,14 +32,14 @@ def _sent(schedule, until_s, cars=0, distance_m=50.0):
     return np.array(times)
 
 
-def test_a_car_alone_sends_10_hz_bsms_within_the_jitter():
+def test_a_car_alone_sends_10_hz_bsms_within_the_jitter() -> None:
     gaps = np.diff(_sent(_schedule(), 60.0))
     assert len(gaps) == pytest.approx(600, abs=3)
     assert np.all(np.abs(gaps - 0.1) <= JITTER_S + 1e-9)
     assert gaps.std() > JITTER_S / 3
 
 
-def test_cars_switched_on_together_send_at_different_times():
+def test_cars_switched_on_together_send_at_different_times() -> None:
     firsts = [_sent(_schedule(seed), 0.2)[0] for seed in range(50)]
     assert max(firsts) - min(firsts) > 0.09
     assert all(0 <= first <= MINIMUM_INTERVAL_S for first in firsts)
@@ -46,26 +49,26 @@ def test_cars_switched_on_together_send_at_different_times():
     ("cars", "interval_s"),
     [(0, 0.1), (25, 0.1), (50, 0.2), (100, 0.4), (149, 0.596), (150, 0.6), (400, 0.6)],
 )
-def test_the_interval_grows_with_the_vehicle_density(cars, interval_s):
+def test_the_interval_grows_with_the_vehicle_density(cars: int, interval_s: float) -> None:
     schedule = _schedule()
     late = np.diff(_sent(schedule, 40.0, cars))[-20:]
     assert late.mean() == pytest.approx(interval_s, abs=0.004)
     assert schedule.interval_s == pytest.approx(interval_s, abs=0.002)
 
 
-def test_distant_cars_are_not_counted_and_cars_at_unknown_distance_are():
+def test_distant_cars_are_not_counted_and_cars_at_unknown_distance_are() -> None:
     assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=100.1))[-1] < 0.11
     assert np.diff(_sent(_schedule(), 40.0, 100, distance_m=None))[-1] > 0.39
 
 
-def test_silent_cars_are_no_longer_counted():
+def test_silent_cars_are_no_longer_counted() -> None:
     schedule = _schedule()
     _sent(schedule, 40.0, 150)
     _sent(schedule, 80.0, 0)
     assert schedule.interval_s == MINIMUM_INTERVAL_S
 
 
-def test_a_critical_event_is_sent_at_once_and_at_10_hz_while_it_lasts():
+def test_a_critical_event_is_sent_at_once_and_at_10_hz_while_it_lasts() -> None:
     schedule = _schedule()
     last = _sent(schedule, 40.0, 200)[-1]
     assert not schedule.take_due(last + 0.2)
@@ -80,7 +83,7 @@ def test_a_critical_event_is_sent_at_once_and_at_10_hz_while_it_lasts():
     assert not schedule.take_due(last + 0.45 + MAXIMUM_INTERVAL_S - JITTER_S - 0.01)
 
 
-def test_many_forged_senders_take_bounded_memory():
+def test_many_forged_senders_take_bounded_memory() -> None:
     schedule = _schedule()
     for sender in range(5000):
         schedule.receive_remote_vehicle(sender.to_bytes(4), 10.0, now=0.01)

@@ -3,6 +3,7 @@
 import datetime as dt
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -25,11 +26,11 @@ needs_gpsdecode = pytest.mark.skipif(
 )
 
 
-def tpv(time, **fields):
+def tpv(time: str, **fields: float) -> str:
     return json.dumps({"class": "TPV", "mode": 3, "time": time, **fields}) + "\n"
 
 
-def test_gpsds_reports_are_stamped_with_the_receivers_time(tmp_path):
+def test_gpsds_reports_are_stamped_with_the_receivers_time(tmp_path: Path) -> None:
     log = tmp_path / "gpspipe.json"
     log.write_text(
         '{"class":"VERSION","release":"3.22"}\n'
@@ -47,7 +48,7 @@ def test_gpsds_reports_are_stamped_with_the_receivers_time(tmp_path):
     assert second.stamp_s == noon_s + 1
 
 
-def test_a_report_without_a_time_is_discarded(tmp_path):
+def test_a_report_without_a_time_is_discarded(tmp_path: Path) -> None:
     log = tmp_path / "gpspipe.json"
     log.write_text(
         '{"class":"TPV","mode":3,"lat":52.0,"lon":13.0}\n'
@@ -72,21 +73,23 @@ REPORTS = tuple(tpv(f"2026-03-01T12:00:0{second}.000Z", lat=52.0, lon=13.0) for 
     ],
     ids=["cut at the start", "blank lines", "gpspipe -t", "gpspipe -wr", "no last line end"],
 )
-def test_gpsds_reports_are_found_wherever_they_begin(tmp_path, text):
+def test_gpsds_reports_are_found_wherever_they_begin(tmp_path: Path, text: str) -> None:
     log = tmp_path / "gpspipe.json"
     log.write_text(text)
     positions = [event for event in read_gnss_log(log) if isinstance(event, Position)]
     assert [each.stamp_s % 60 for each in positions] == [1, 2]
 
 
-def test_a_log_of_which_no_position_can_be_used_says_why(tmp_path):
+def test_a_log_of_which_no_position_can_be_used_says_why(tmp_path: Path) -> None:
     log = tmp_path / "gpspipe.json"
     log.write_text('{"class":"TPV","mode":3,"lat":52.0,"lon":13.0}\n')
     with pytest.raises(UserError, match=r"json: no position .* needs the time of each fix"):
         list(read_gnss_log(log))
 
 
-def test_a_binary_log_without_gpsdecode_names_what_is_missing(tmp_path, monkeypatch):
+def test_a_binary_log_without_gpsdecode_names_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = tmp_path / "drive.ubx"
     log.write_bytes(b"\xb5\x62\x01\x07" * 100)
     monkeypatch.setenv("PATH", "")
@@ -95,7 +98,7 @@ def test_a_binary_log_without_gpsdecode_names_what_is_missing(tmp_path, monkeypa
 
 
 @needs_gpsdecode
-def test_noise_has_no_positions(tmp_path):
+def test_noise_has_no_positions(tmp_path: Path) -> None:
     log = tmp_path / "noise.bin"
     log.write_bytes(bytes(range(256)) * 200)
     assert list(read_gnss_log(log)) == []
@@ -104,7 +107,7 @@ def test_noise_has_no_positions(tmp_path):
 @needs_gpsdecode
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", BINARY)
-def test_binary_logs_agree_with_gpsd(rig_data, name):
+def test_binary_logs_agree_with_gpsd(rig_data: Path, name) -> None:
     """The reference is what another release of gpsd reported."""
     log = rig_data / "gnss" / "receivers" / f"{name}.log"
     fixes = {}

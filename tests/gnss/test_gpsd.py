@@ -4,6 +4,9 @@ import asyncio
 import contextlib
 import shutil
 import socket
+from collections.abc import Awaitable, Callable, Coroutine
+from socket import SocketKind
+from typing import Any, TypeVar
 
 import pytest
 
@@ -17,7 +20,7 @@ from tests.gnss.test_nmea import GGA, RMC, at, sentence
 class Callbacks:
     """Collects the data and events of the wire and the reader."""
 
-    def __init__(self, port):
+    def __init__(self, port: int) -> None:
         self.reader = GpsdReader(GnssSettings())
         self.states = asyncio.Queue()
         self.positions = asyncio.Queue()
@@ -26,21 +29,24 @@ class Callbacks:
         )
         self.gpsd.start(asyncio.get_running_loop())
 
-    def hear(self, data):
+    def hear(self, data: bytes) -> None:
         self.reader.receive_bytes(data, asyncio.get_running_loop().time())
         while (event := self.reader.next_event()) is not None:
             self.positions.put_nowait(event)
 
 
-def soon(awaitable):
+T = TypeVar("T")
+
+
+def soon(awaitable: Awaitable[T]) -> Coroutine[Any, Any, T]:
     return asyncio.wait_for(awaitable, timeout=10)
 
 
-def on_a_loop(scenario):
+def on_a_loop(scenario: Callable[..., None]) -> None:
     asyncio.run(asyncio.wait_for(scenario(), timeout=30))
 
 
-def free_port(kind=socket.SOCK_STREAM):
+def free_port(kind: SocketKind = socket.SOCK_STREAM) -> int:
     with socket.socket(socket.AF_INET, kind) as unused:
         unused.bind(("127.0.0.1", 0))
         return unused.getsockname()[1]
@@ -52,11 +58,11 @@ REPORT = (
 )
 
 
-def test_gpsd_is_subscribed_lost_and_reconnected():
-    async def scenario():
+def test_gpsd_is_subscribed_lost_and_reconnected() -> None:
+    async def scenario() -> None:
         asked, clients = asyncio.Queue(), asyncio.Queue()
 
-        async def serve(reader, writer):
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             asked.put_nowait(await reader.readline())
             clients.put_nowait(writer)
 
@@ -79,8 +85,8 @@ def test_gpsd_is_subscribed_lost_and_reconnected():
     on_a_loop(scenario)
 
 
-def test_a_missing_gpsd_is_a_state_reported_once():
-    async def scenario():
+def test_a_missing_gpsd_is_a_state_reported_once() -> None:
+    async def scenario() -> None:
         port = free_port()
         callbacks = Callbacks(port)
         there, why = await soon(callbacks.states.get())
@@ -92,12 +98,12 @@ def test_a_missing_gpsd_is_a_state_reported_once():
 
 
 @pytest.mark.live
-def test_positions_from_the_real_gpsd_fed_by_udp():
+def test_positions_from_the_real_gpsd_fed_by_udp() -> None:
     program = shutil.which("gpsd", path="/usr/sbin:/usr/bin:/usr/local/sbin")
     if program is None:
         pytest.skip("gpsd is not installed")
 
-    async def scenario():
+    async def scenario() -> None:
         port, nmea_port = free_port(), free_port(socket.SOCK_DGRAM)
         gpsd = await asyncio.create_subprocess_exec(
             program, "-N", "-n", "-S", str(port), f"udp://127.0.0.1:{nmea_port}"

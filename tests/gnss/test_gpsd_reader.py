@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -27,7 +28,7 @@ TPV = {
 }
 
 
-def read(*reports, settings=None, start=100.1):
+def read(*reports: Any, settings: None = None, start: float = 100.1) -> list[Discarded | Position]:
     reader = GpsdReader(settings)
     for n, report in enumerate(reports):
         line = report if isinstance(report, bytes) else json.dumps(report).encode() + b"\r\n"
@@ -38,11 +39,13 @@ def read(*reports, settings=None, start=100.1):
     return events
 
 
-def without(*names, **more):
+def without(
+    *names: str, **more: int | list[int]
+) -> dict[str, float | list[int] | str] | dict[str, float | str]:
     return {name: value for name, value in TPV.items() if name not in names} | more
 
 
-def test_a_report_is_a_position():
+def test_a_report_is_a_position() -> None:
     assert read(TPV) == [
         Position(
             stamp_s=pytest.approx(100.0),
@@ -59,7 +62,7 @@ def test_a_report_is_a_position():
 GST = {"class": "GST", "time": TPV["time"], "rms": 1.0, "lat": 0.9, "lon": 0.7, "alt": 2.0}
 
 
-def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate():
+def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate() -> None:
     (position,) = read(GST, TPV)
 
     assert position.sigma_m == pytest.approx(math.sqrt((0.9**2 + 0.7**2) / 2))
@@ -74,25 +77,25 @@ def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate():
     ],
     ids=["old", "no axis", "no time"],
 )
-def test_an_old_or_incomplete_accuracy_is_ignored(gst):
+def test_an_old_or_incomplete_accuracy_is_ignored(gst: dict[str, float | str]) -> None:
     (position,) = read(gst, TPV)
 
     assert position.sigma_m == pytest.approx(2.0)
 
 
-def test_an_invalid_accuracy_is_discarded():
+def test_an_invalid_accuracy_is_discarded() -> None:
     discarded, position = read(GST | {"lat": -1.0}, TPV)
 
     assert discarded.reason == "gpsd_report"
     assert position.sigma_m == pytest.approx(2.0)
 
 
-def test_unreported_values_are_none():
+def test_unreported_values_are_none() -> None:
     (position,) = read(without("altHAE", "track", "speed"))
     assert (position.altitude_m, position.course_rad, position.speed_m_s) == (None, None, None)
 
 
-def test_a_fix_reported_in_parts_is_one_position():
+def test_a_fix_reported_in_parts_is_one_position() -> None:
     assert len(read(without("altHAE"), TPV, TPV)) == 1
     assert len(read(TPV, TPV | {"time": "2021-07-26T04:50:01.340Z"})) == 2
 
@@ -101,11 +104,11 @@ def test_a_fix_reported_in_parts_is_one_position():
     "no_fix",
     [without("mode"), TPV | {"mode": 0}, TPV | {"mode": 1}, without("lat"), without("lon")],
 )
-def test_no_fix_is_no_position_and_no_fault(no_fix):
+def test_no_fix_is_no_position_and_no_fault(no_fix: dict[str, float | str]) -> None:
     assert read(no_fix) == []
 
 
-def test_a_fix_without_time_is_stamped_by_arrival():
+def test_a_fix_without_time_is_stamped_by_arrival() -> None:
     first, second = read(without("time"), without("time"))
     assert (first.stamp_s, second.stamp_s) == pytest.approx((100.0, 101.0))
 
@@ -121,16 +124,18 @@ def test_a_fix_without_time_is_stamped_by_arrival():
         ([TPV | {"epx": 0.0, "epy": 0.0}], 0.5),
     ],
 )
-def test_the_sigma_is_from_the_best_reported_value(reports, sigma_m):
+def test_the_sigma_is_from_the_best_reported_value(
+    reports: list[dict[str, float | str]], sigma_m: float
+) -> None:
     assert read(*reports)[0].sigma_m == pytest.approx(sigma_m)
 
 
-def test_other_reports_are_ignored():
+def test_other_reports_are_ignored() -> None:
     others = [{"class": name} for name in ("VERSION", "DEVICES", "WATCH", "PPS", "GST", "ATT")]
     assert read(*others) == []
 
 
-def test_an_error_report_of_gpsd_is_counted():
+def test_an_error_report_of_gpsd_is_counted() -> None:
     (discarded,) = read({"class": "ERROR", "message": "Can't open device"})
     assert (discarded.reason, discarded.detail) == ("gpsd_error", "Can't open device")
 
@@ -157,19 +162,19 @@ def test_an_error_report_of_gpsd_is_counted():
         {"class": "SKY", "hdop": "good"},
     ],
 )
-def test_invalid_reports_are_discarded(report):
+def test_invalid_reports_are_discarded(report: Any) -> None:
     (discarded,) = read(report)
     assert (discarded.component, discarded.reason) == ("gnss", "gpsd_report")
 
 
-def test_a_line_without_an_end_is_dropped():
+def test_a_line_without_an_end_is_dropped() -> None:
     discarded, position = read(b"x" * 100_000, b"\n", TPV)[-2:]
     assert isinstance(discarded, Discarded)
     assert isinstance(position, Position)
 
 
 @given(cut=st.integers(0, 300))
-def test_bytes_may_be_split_anywhere(cut):
+def test_bytes_may_be_split_anywhere(cut: int) -> None:
     line = json.dumps(TPV).encode() + b"\n"
     reader = GpsdReader(GnssSettings(latency_s=0.0))
     reader.receive_bytes(line[:cut], 100.0)
@@ -178,6 +183,6 @@ def test_bytes_may_be_split_anywhere(cut):
 
 
 @given(st.binary(max_size=200))
-def test_no_bytes_raise(data):
+def test_no_bytes_raise(data: bytes) -> None:
     for event in read(data, b"\n", b'{"class":"TPV",' + data + b"\n", TPV):
         assert isinstance(event, Position | Discarded)

@@ -22,7 +22,7 @@ NO_FIX = "GNRMC,045009.00,V,,,,,,,260721,,,N"
 GST = "GNGST,045000.34,1.2,2.0,1.0,30.0,3.0,4.0,5.0"
 
 
-def sentence(text):
+def sentence(text: str) -> bytes:
     """With its checksum (IEC 61162-1): the XOR of all characters."""
     total = 0
     for character in text:
@@ -30,7 +30,9 @@ def sentence(text):
     return f"${text}*{total:02X}\r\n".encode("ascii")
 
 
-def read(*texts, now=None, settings=None):
+def read(
+    *texts: bytes | str, now: None = None, settings: GnssSettings | None = None
+) -> list[Discarded | Position]:
     reader = NmeaReader(settings)
     for text in texts:
         reader.receive_bytes(text if isinstance(text, bytes) else sentence(text), now)
@@ -39,23 +41,23 @@ def read(*texts, now=None, settings=None):
     return events_of(reader)
 
 
-def events_of(reader):
+def events_of(reader: NmeaReader) -> list[Discarded | Position]:
     events = []
     while (event := reader.next_event()) is not None:
         events.append(event)
     return events
 
 
-def utc(*when):
+def utc(*when: int) -> float:
     return dt.datetime(*when, tzinfo=dt.UTC).timestamp()
 
 
-def at(text, time, date=None):
+def at(text: str, time: str, date: str | None = None) -> str:
     changed = text.replace("045000.34", time)
     return changed if date is None else changed.replace("260721", date)
 
 
-def test_one_position_from_the_sentences_of_one_instant():
+def test_one_position_from_the_sentences_of_one_instant() -> None:
     (position,) = read(RMC, GGA, NO_FIX)
     assert position == Position(
         stamp_s=pytest.approx(utc(2021, 7, 26, 4, 50, 0, 340_000)),
@@ -77,13 +79,13 @@ def test_one_position_from_the_sentences_of_one_instant():
         ("9000.0000,S", "18000.0000,E", (-90.0, 180.0)),
     ],
 )
-def test_hemispheres(latitude, longitude, expected):
+def test_hemispheres(latitude: str, longitude: str, expected: tuple[float, float]) -> None:
     text = f"GPRMC,045000,A,{latitude},{longitude},0.0,,260721,,,A"
     (position,) = read(text, NO_FIX)
     assert (position.latitude_deg, position.longitude_deg) == pytest.approx(expected)
 
 
-def test_from_the_second_epoch_on_a_position_comes_with_the_last_sentence():
+def test_from_the_second_epoch_on_a_position_comes_with_the_last_sentence() -> None:
     reader = NmeaReader()
     for text in (RMC, GGA, at(RMC, "045001.34")):
         reader.receive_bytes(sentence(text), now=3.0)
@@ -97,7 +99,7 @@ GLL = "GNGLL,5606.25716,N,01008.71506,E,045000.34,A,A"
 
 
 @pytest.mark.parametrize("texts", [(GGA, VTG), (VTG, GGA, GLL, VTG), (GGA, VTG, GST)])
-def test_velocity_from_vtg(texts):
+def test_velocity_from_vtg(texts: tuple[str, ...]) -> None:
     (position,) = read("GNZDA,045000.34,26,07,2021,00,00", *texts, NO_FIX)
     assert position.speed_m_s == pytest.approx(30.567 * KNOT)
     assert position.course_rad == pytest.approx(math.pi / 4)
@@ -106,12 +108,12 @@ def test_velocity_from_vtg(texts):
 @pytest.mark.parametrize(
     "vtg", ["GNVTG,,T,,M,,N,,K,N", "GNVTG,45,T,,M,9,N,17,K,N", "GNVTG,45,9,9,9"]
 )
-def test_vtg_without_velocity_states_none(vtg):
+def test_vtg_without_velocity_states_none(vtg: str) -> None:
     (position,) = read(RMC.replace("30.567,45.00", ","), GGA, vtg, NO_FIX)
     assert (position.speed_m_s, position.course_rad) == (None, None)
 
 
-def test_a_rmc_after_one_of_several_gga_has_its_speed():
+def test_a_rmc_after_one_of_several_gga_has_its_speed() -> None:
     """After the first, whose lateness nobody can foresee live."""
     reader = NmeaReader()
     for tenth in range(100):
@@ -124,14 +126,14 @@ def test_a_rmc_after_one_of_several_gga_has_its_speed():
     assert [position.speed_m_s is not None for position in positions].count(True) == 9
 
 
-def test_a_recorded_rmc_that_comes_late_has_its_speed():
+def test_a_recorded_rmc_that_comes_late_has_its_speed() -> None:
     later = [at(text, "045001.34") for text in (GGA, RMC)]
     positions = read(RMC, GGA, *later, NO_FIX)
     assert [position.speed_m_s for position in positions] == [pytest.approx(30.567 * KNOT)] * 2
 
 
 @pytest.mark.parametrize("cut", [0, 2], ids=["whole", "without line end"])
-def test_the_last_fix_of_a_recording_is_reported_at_its_end(cut):
+def test_the_last_fix_of_a_recording_is_reported_at_its_end(cut: int) -> None:
     reader = NmeaReader()
     data = sentence(GGA) + sentence(RMC)
     reader.receive_bytes(data[: len(data) - cut])
@@ -143,14 +145,14 @@ def test_the_last_fix_of_a_recording_is_reported_at_its_end(cut):
     assert events_of(reader) == []
 
 
-def test_a_receiver_that_changes_its_order_loses_no_position():
+def test_a_receiver_that_changes_its_order_loses_no_position() -> None:
     first = [RMC, GGA, GST]
     second = [at(RMC, "045001.34"), at(GGA, "045001.34")]
     third = [at(RMC, "045002.34")]
     assert len(read(*first, *second, *third, at(GGA, "045003.34"))) == 4
 
 
-def test_the_receivers_own_accuracy_takes_precedence():
+def test_the_receivers_own_accuracy_takes_precedence() -> None:
     (position,) = read(RMC, GGA, GST, NO_FIX)
     assert position.sigma_m == pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2))
 
@@ -167,25 +169,27 @@ def test_the_receivers_own_accuracy_takes_precedence():
         (4, "1.0", 0.5),
     ],
 )
-def test_accuracy_from_dilution_and_quality_but_never_below_the_least(quality, hdop, sigma_m):
+def test_accuracy_from_dilution_and_quality_but_never_below_the_least(
+    quality: int, hdop: str, sigma_m: float
+) -> None:
     gga = GGA.replace(",E,1,10,1.0,", f",E,{quality},10,{hdop},")
     (position,) = read(RMC, gga, NO_FIX)
     assert position.sigma_m == pytest.approx(sigma_m)
 
 
-def test_the_settings_allow_the_accuracy_of_rtk():
+def test_the_settings_allow_the_accuracy_of_rtk() -> None:
     gga = GGA.replace(",E,1,10,1.0,", ",E,4,10,1.0,")
     settings = GnssSettings(least_sigma_m=0.01)
     (position,) = read(RMC, gga, NO_FIX, settings=settings)
     assert position.sigma_m == pytest.approx(0.04 / math.sqrt(2))
 
 
-def test_unstated_values_are_none():
+def test_unstated_values_are_none() -> None:
     (position,) = read("GPRMC,045000.34,A,5606.25716,N,01008.71506,E,,,260721,,", NO_FIX)
     assert (position.speed_m_s, position.course_rad, position.altitude_m) == (None, None, None)
 
 
-def test_several_systems_in_one_gns():
+def test_several_systems_in_one_gns() -> None:
     gns = "GNGNS,045000.34,5606.25716,N,01008.71506,E,AAN,12,0.8,20.0,43.5,,"
     (position,) = read(RMC, gns, NO_FIX)
     assert position.altitude_m == pytest.approx(63.5)
@@ -206,16 +210,16 @@ def test_several_systems_in_one_gns():
         "GNGNS,045000.34,,,,,NN,00,,,,,",
     ],
 )
-def test_no_fix_is_no_position_and_no_fault(no_fix):
+def test_no_fix_is_no_position_and_no_fault(no_fix: str) -> None:
     assert read(no_fix, NO_FIX) == []
 
 
-def test_one_sentence_without_a_fix_voids_the_epoch():
+def test_one_sentence_without_a_fix_voids_the_epoch() -> None:
     assert read(RMC, GGA.replace(",E,1,", ",E,0,"), NO_FIX) == []
 
 
 @pytest.mark.parametrize("order", [(RMC, GGA), (GGA, RMC)])
-def test_midnight(order):
+def test_midnight(order: tuple[str, str]) -> None:
     texts = [at(t, "235959.00", "311223") for t in order]
     texts += [at(t, "000000.00", "010124") for t in order]
     texts += [at(t, "000001.00", "010124") for t in order]
@@ -223,19 +227,19 @@ def test_midnight(order):
     assert stamps == [utc(2023, 12, 31, 23, 59, 59), utc(2024, 1, 1), utc(2024, 1, 1, 0, 0, 1)]
 
 
-def test_midnight_of_a_receiver_that_sends_its_date_once():
+def test_midnight_of_a_receiver_that_sends_its_date_once() -> None:
     texts = ["GPZDA,235958.00,31,12,2023,00,00"]
     texts += [at(GGA, time) for time in ("235959.00", "000000.00", "000001.00", "000002.00")]
     stamps = [position.stamp_s for position in read(*texts)]
     assert stamps == [utc(2023, 12, 31, 23, 59, 59) + n for n in range(4)]
 
 
-def test_a_recording_without_a_date_has_no_stamps_and_is_discarded():
+def test_a_recording_without_a_date_has_no_stamps_and_is_discarded() -> None:
     discarded, *_ = read(GGA, at(GGA, "045001.34"), at(GGA, "045002.34"))
     assert discarded.reason == "nmea_no_date"
 
 
-def test_live_positions_are_stamped_by_the_daemons_clock():
+def test_live_positions_are_stamped_by_the_daemons_clock() -> None:
     reader = NmeaReader(GnssSettings(latency_s=0.1))
     for n in range(3):
         for text in (RMC, GGA):
@@ -244,7 +248,7 @@ def test_live_positions_are_stamped_by_the_daemons_clock():
     assert stamps == pytest.approx([1000.05, 1001.05, 1002.05])
 
 
-def test_a_live_receiver_without_a_date_is_stamped_by_arrival():
+def test_a_live_receiver_without_a_date_is_stamped_by_arrival() -> None:
     reader = NmeaReader(GnssSettings(latency_s=0.1))
     for n in range(3):
         reader.receive_bytes(sentence(at(GGA, f"04500{n}.00")), 1000.15 + n)
@@ -253,7 +257,7 @@ def test_a_live_receiver_without_a_date_is_stamped_by_arrival():
 
 
 @given(cuts=st.lists(st.integers(0, 400), max_size=8))
-def test_bytes_may_be_split_anywhere(cuts):
+def test_bytes_may_be_split_anywhere(cuts: list[int]) -> None:
     texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
     stream = b"".join(map(sentence, texts))
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
@@ -270,7 +274,7 @@ def test_bytes_may_be_split_anywhere(cuts):
         sentence(RMC)[:30],
     ],
 )
-def test_a_damaged_sentence_is_discarded_and_the_next_one_is_read(damaged):
+def test_a_damaged_sentence_is_discarded_and_the_next_one_is_read(damaged: bytes) -> None:
     discarded, position = read(damaged, at(RMC, "045001.34"), NO_FIX)
     assert (discarded.component, discarded.reason) == ("gnss", "nmea_checksum")
     assert position.stamp_s == pytest.approx(utc(2021, 7, 26, 4, 50, 1, 340_000))
@@ -293,7 +297,7 @@ def test_a_damaged_sentence_is_discarded_and_the_next_one_is_read(damaged):
         GGA.replace("20.0,M", "1e9,M"),
     ],
 )
-def test_an_invalid_field_is_discarded(wrong):
+def test_an_invalid_field_is_discarded(wrong: str) -> None:
     with pytest.raises(SentenceError) as refused:
         parse(sentence(wrong))
     assert refused.value.reason == "nmea_field"
@@ -311,11 +315,11 @@ def test_an_invalid_field_is_discarded(wrong):
         b"!AIVDM,1,1,,A,15RTgt0PAso;90TKcjM8h6g208CQ,0*4A\r\n",
     ],
 )
-def test_sentences_without_a_position_are_ignored(other):
+def test_sentences_without_a_position_are_ignored(other: bytes) -> None:
     assert parse(other) is None
 
 
-def test_binary_messages_between_sentences_are_ignored():
+def test_binary_messages_between_sentences_are_ignored() -> None:
     noise = bytes(range(256)).replace(b"$", b"") * 8
     texts = [at(t, f"04500{n}.00") for n in range(3) for t in (RMC, GGA)]
     mixed = [part for text in texts for part in (sentence(text), noise, b"\n")]
@@ -323,6 +327,6 @@ def test_binary_messages_between_sentences_are_ignored():
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"$GPRMC,", b"$GPGGA,", b"$GNGST,", b""]))
-def test_no_bytes_raise(data, start):
+def test_no_bytes_raise(data: bytes, start: bytes) -> None:
     for event in read(start + data + b"\n", sentence(RMC), sentence(at(RMC, "045001.34"))):
         assert isinstance(event, Position | Discarded)

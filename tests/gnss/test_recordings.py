@@ -4,6 +4,7 @@ import csv
 import datetime as dt
 import json
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -16,7 +17,7 @@ GPS_ERA_S = 1024 * 7 * 86_400
 """Old receivers' dates are off by whole eras; gpsd moves them into the current one."""
 
 
-def read(path):
+def read(path: Path) -> list[Discarded | Position]:
     reader = NmeaReader()
     reader.receive_bytes(path.read_bytes())
     reader.receive_end()
@@ -26,12 +27,12 @@ def read(path):
     return events
 
 
-def rows(path):
+def rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="ascii") as file:
         return list(csv.DictReader(file))
 
 
-def test_drive_a_agrees_with_its_ground_truth(rig_data):
+def test_drive_a_agrees_with_its_ground_truth(rig_data: Path) -> None:
     positions = read(rig_data / "gnss" / "drive-a.nmea")
     places = rows(rig_data / "can" / "drive-a-gnss-position.csv")
     speeds = rows(rig_data / "can" / "drive-a-gnss-speed-mps.csv")
@@ -43,7 +44,7 @@ def test_drive_a_agrees_with_its_ground_truth(rig_data):
         assert position.speed_m_s == pytest.approx(float(speed["gnss_mps"]), abs=5e-3)
 
 
-def test_drive_c_has_a_position_wherever_it_has_a_fix(rig_data):
+def test_drive_c_has_a_position_wherever_it_has_a_fix(rig_data: Path) -> None:
     path = rig_data / "gnss" / "drive-c.nmea"
     events = read(path)
     fixes = [line for line in path.read_text(encoding="ascii").splitlines() if "RMC" in line]
@@ -53,7 +54,7 @@ def test_drive_c_has_a_position_wherever_it_has_a_fix(rig_data):
     assert 0 < len(valid) < len(fixes)
 
 
-def gpsd_fixes(path):
+def gpsd_fixes(path: Path) -> dict[float, dict[str, float | str]]:
     """gpsd's positions for a log: (position, height) by time within the era."""
     fixes = {}
     for line in path.read_text(encoding="latin-1").splitlines():
@@ -65,7 +66,7 @@ def gpsd_fixes(path):
     return fixes
 
 
-def test_receivers_of_many_makes_agree_with_gpsd(rig_data):
+def test_receivers_of_many_makes_agree_with_gpsd(rig_data: Path) -> None:
     """All logs with NMEA; the others are binary."""
     counts = Counter()
     makes = 0

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from onboard.intersections.approach_lane import approach_lanes
+from onboard.intersections.approach_lane import ApproachLane, approach_lanes
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import map_data
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
-from onboard.messages.lanes import UNKNOWN_SIGNAL_GROUP, OtherLane
+from onboard.messages.lanes import UNKNOWN_SIGNAL_GROUP, GenericLane, OtherLane
 from tests.messages.crossing_messages import crossing_map, lane
 
 FRAME = LocalFrame(42.0, -83.0)
@@ -18,11 +18,11 @@ EAST, NORTH = (1.0, 0.0), (0.0, 1.0)
 EASTWARDS, NORTHWARDS, AWAY = GEOMETRY.lanes
 
 
-def lanes_of(*lanes):
+def lanes_of(*lanes: GenericLane) -> tuple[ApproachLane, ...]:
     return approach_lanes(replace(GEOMETRY, lanes=lanes), FRAME)
 
 
-def test_lanes_that_lead_to_a_signal_are_found_with_their_course():
+def test_lanes_that_lead_to_a_signal_are_found_with_their_course() -> None:
     first, second = lanes_of(*GEOMETRY.lanes)
     assert (first.lane_id, first.signal_groups, first.width_m) == (1, {2}, 3.5)
     assert first.points_m == ((-8.0, 0.0), (-60.0, 0.0), (-200.0, 0.0))
@@ -42,19 +42,21 @@ def test_lanes_that_lead_to_a_signal_are_found_with_their_course():
     ],
     ids=["near", "second segment", "beyond the end", "oncoming", "across", "past", "far"],
 )
-def test_a_vehicle_is_placed_by_position_and_course(position_m, course, place):
+def test_a_vehicle_is_placed_by_position_and_course(
+    position_m: tuple[float, float], course: tuple[float, float], place: tuple[float, float] | None
+) -> None:
     (eastwards,) = lanes_of(EASTWARDS)
     assert eastwards.place(position_m, course) == place
 
 
-def test_a_node_may_have_a_position_instead_of_an_offset():
+def test_a_node_may_have_a_position_instead_of_an_offset() -> None:
     there = FRAME.position_m(42.0005, -83.001)
     nodes = (*EASTWARDS.node_list.value[:2], Node(Chosen("node_lat_lon", LatLon(-83.001, 42.0005))))
     (found,) = lanes_of(replace(EASTWARDS, node_list=Chosen("nodes", nodes)))
     assert found.points_m[2] == pytest.approx(tuple(there))
 
 
-def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it():
+def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it() -> None:
     computed = ComputedLane(1, Chosen("small", 0.0), Chosen("small", -3.5))
     beside = replace(EASTWARDS, lane_id=5, node_list=Chosen("computed", computed))
     found = lanes_of(EASTWARDS, beside)
@@ -62,7 +64,7 @@ def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it():
 
 
 @pytest.mark.parametrize("group", [None, 0])
-def test_a_way_without_a_signal_or_with_an_unknown_one_counts_as_unknown(group):
+def test_a_way_without_a_signal_or_with_an_unknown_one_counts_as_unknown(group: int | None) -> None:
     (straight,) = EASTWARDS.connects_to
     ways = (straight, replace(straight, signal_group=group))
     (found,) = lanes_of(replace(EASTWARDS, connects_to=ways))
@@ -91,5 +93,5 @@ def test_a_way_without_a_signal_or_with_an_unknown_one_counts_as_unknown(group):
     ],
     ids=["leads away", "no signal", "crosswalk", "two nodes in one", "unknown kind", "of no lane"],
 )
-def test_other_lanes_are_left_out(left_out):
+def test_other_lanes_are_left_out(left_out: GenericLane) -> None:
     assert lanes_of(left_out) == ()

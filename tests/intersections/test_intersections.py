@@ -9,8 +9,9 @@ from onboard.intersections.intersections import Intersections, SignalAhead
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import map_data, spat
 from onboard.messages.lanes import IntersectionReferenceId
-from onboard.messages.spat import IntersectionStatus
-from onboard.observations import Position
+from onboard.messages.map_data import MapData
+from onboard.messages.spat import IntersectionStatus, MovementPhaseState, Spat
+from onboard.observations import Discarded, Position
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.intersections.test_signal_phase import GREEN, RED, SENT_UTC_S
 from tests.messages.crossing_messages import ID, crossing_map, crossing_spat, lane, movement
@@ -20,7 +21,9 @@ FRAME = LocalFrame(42.0, -83.0)
 EMPTY = ((0.0,) * 4,) * 4
 
 
-def vehicle(east_m, north_m, east_m_s, north_m_s, name="host"):
+def vehicle(
+    east_m: float, north_m: float, east_m_s: float, north_m_s: float, name: str = "host"
+) -> PerceivedObject:
     state = (east_m, north_m, east_m_s, north_m_s)
     return PerceivedObject(0.0, name, ObjectSource.BSM, state, EMPTY, 0.0, ())
 
@@ -32,11 +35,11 @@ NORTHWARDS = vehicle(0.5, -48.0, 0.0, 10.0)
 class Listener:
     """The core, with messages of road-side units at times since `SENT_UTC_S`."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.core = Intersections()
         self.core.receive_host_vehicle(None, FRAME, 0.0)
 
-    def hears(self, message, at_s=0.0, signer=UNIT):
+    def hears(self, message: MapData | Spat, at_s: float = 0.0, signer: bytes = UNIT) -> list[str]:
         if message.kind == "map":
             self.core.receive_map(map_data.decode(map_data.encode(message)), signer, at_s)
         else:
@@ -44,24 +47,24 @@ class Listener:
             self.core.receive_spat(received, signer, at_s, SENT_UTC_S + at_s)
         return [f"{each.component} {each.reason}" for each in self.events()]
 
-    def events(self):
+    def events(self) -> list[SignalAhead | Discarded]:
         return list(iter(self.core.next_event, None))
 
-    def states(self, of, at_s=0.0):
+    def states(self, of: PerceivedObject, at_s: float = 0.0) -> list[MovementPhaseState] | None:
         self.core.receive_host_vehicle(None, FRAME, at_s)
         signal = self.core.signal_ahead(of)
         return None if signal is None or signal.phases is None else [p.state for p in signal.phases]
 
 
 @pytest.fixture
-def listener():
+def listener() -> Listener:
     one = Listener()
     assert one.hears(crossing_map()) == []
     assert one.hears(crossing_spat()) == []
     return one
 
 
-def test_each_vehicle_has_the_signal_of_its_lane(listener):
+def test_each_vehicle_has_the_signal_of_its_lane(listener: Listener) -> None:
     assert listener.states(EASTWARDS) == [GREEN]
     assert listener.states(NORTHWARDS) == [RED]
     signal = listener.core.signal_ahead(EASTWARDS)
@@ -78,17 +81,17 @@ def test_each_vehicle_has_the_signal_of_its_lane(listener):
     ],
     ids=["beside the lane", "leaving", "standing still"],
 )
-def test_a_vehicle_on_no_lane_has_no_signal(listener, elsewhere):
+def test_a_vehicle_on_no_lane_has_no_signal(listener: Listener, elsewhere: PerceivedObject) -> None:
     assert listener.core.signal_ahead(elsewhere) is None
 
 
-def test_the_time_left_runs_down_between_messages(listener):
+def test_the_time_left_runs_down_between_messages(listener: Listener) -> None:
     listener.core.receive_host_vehicle(None, FRAME, 0.6)
     (phase,) = listener.core.signal_ahead(EASTWARDS).phases
     assert phase.min_left_s == pytest.approx(7.7 - 0.6)
 
 
-def test_a_late_message_has_less_time_left():
+def test_a_late_message_has_less_time_left() -> None:
     """Nobody can tell a delay of 0.9 s from a sender's clock that is 0.9 s behind."""
     one = Listener()
     one.hears(crossing_map())
@@ -98,7 +101,7 @@ def test_a_late_message_has_less_time_left():
     assert phase.min_left_s == pytest.approx(7.7 - 1.5)
 
 
-def test_a_message_of_a_clock_that_is_ahead_has_the_time_that_it_states():
+def test_a_message_of_a_clock_that_is_ahead_has_the_time_that_it_states() -> None:
     one = Listener()
     one.hears(crossing_map())
     one.hears(crossing_spat(time_stamp_s=13.2))
@@ -107,7 +110,7 @@ def test_a_message_of_a_clock_that_is_ahead_has_the_time_that_it_states():
     assert phase.min_left_s == pytest.approx(20.0 - 13.2 - 0.5)
 
 
-def test_between_two_lanes_all_signals_count():
+def test_between_two_lanes_all_signals_count() -> None:
     one = Listener()
     geometry = crossing_map()
     (crossing,) = geometry.intersections
@@ -123,12 +126,12 @@ def test_between_two_lanes_all_signals_count():
 # ---- red until the vehicle is there --------------------------------------------------------------
 
 
-def test_red_until_arrival_has_the_distance(listener):
+def test_red_until_arrival_has_the_distance(listener: Listener) -> None:
     assert listener.core.red_light_m(NORTHWARDS) == pytest.approx(40.0, abs=0.1)
     assert listener.core.red_light_m(EASTWARDS) is None, "it has green"
 
 
-def test_red_is_not_on_all_ways_of_a_lane_with_one_that_has_no_signal():
+def test_red_is_not_on_all_ways_of_a_lane_with_one_that_has_no_signal() -> None:
     (geometry,) = crossing_map().intersections
     northwards = geometry.lanes[1]
     (straight,) = northwards.connects_to
@@ -140,7 +143,7 @@ def test_red_is_not_on_all_ways_of_a_lane_with_one_that_has_no_signal():
     assert one.core.red_light_m(NORTHWARDS) is None
 
 
-def test_red_that_may_end_before_arrival_is_not():
+def test_red_that_may_end_before_arrival_is_not() -> None:
     one = Listener()
     one.hears(crossing_map())
     one.hears(crossing_spat(movement(4, RED, 12.3 + 3.0)))
@@ -148,7 +151,7 @@ def test_red_that_may_end_before_arrival_is_not():
     assert one.core.red_light_m(vehicle(0.0, -48.0, 0.0, 14.0)) is not None, "in 2.9 s"
 
 
-def test_red_without_an_end_is_not():
+def test_red_without_an_end_is_not() -> None:
     one = Listener()
     one.hears(crossing_map())
     one.hears(crossing_spat(movement(4, RED, None)))
@@ -159,7 +162,7 @@ def test_red_without_an_end_is_not():
 # ---- what is put out -----------------------------------------------------------------------------
 
 
-def test_a_change_of_the_signals_ahead_is_put_out_once(listener):
+def test_a_change_of_the_signals_ahead_is_put_out_once(listener: Listener) -> None:
     for at_s in (0.1, 0.2):
         listener.core.receive_host_vehicle(EASTWARDS, FRAME, at_s)
     (shown,) = listener.events()
@@ -172,14 +175,14 @@ def test_a_change_of_the_signals_ahead_is_put_out_once(listener):
 # ---- what is refused -----------------------------------------------------------------------------
 
 
-def test_a_silent_unit_is_forgotten(listener):
+def test_a_silent_unit_is_forgotten(listener: Listener) -> None:
     assert listener.states(EASTWARDS, at_s=1.1) is None
     assert listener.core.signal_ahead(EASTWARDS) is not None, "its lanes are known"
     assert listener.states(EASTWARDS, at_s=61.0) is None
     assert listener.core.signal_ahead(EASTWARDS) is None
 
 
-def test_a_map_of_another_town_is_refused():
+def test_a_map_of_another_town_is_refused() -> None:
     one = Listener()
     one.core.receive_position(Position(0.0, 42.1, -83.0, None, 1.0, None, None))
     assert one.hears(crossing_map()) == ["map too_far"]
@@ -187,14 +190,14 @@ def test_a_map_of_another_town_is_refused():
     assert one.hears(crossing_map()) == []
 
 
-def test_a_map_without_a_place_is_refused():
+def test_a_map_without_a_place_is_refused() -> None:
     geometry = crossing_map()
     (crossing,) = geometry.intersections
     nowhere = replace(crossing, ref_point=replace(crossing.ref_point, latitude_deg=None))
     assert Listener().hears(replace(geometry, intersections=(nowhere,))) == ["map no_position"]
 
 
-def test_other_lanes_need_another_revision_of_the_same_unit(listener):
+def test_other_lanes_need_another_revision_of_the_same_unit(listener: Listener) -> None:
     (crossing,) = crossing_map().intersections
     fewer = replace(crossing, lanes=crossing.lanes[1:])
     same_revision = replace(crossing_map(), intersections=(fewer,))
@@ -205,7 +208,7 @@ def test_other_lanes_need_another_revision_of_the_same_unit(listener):
     assert listener.core.signal_ahead(EASTWARDS) is None
 
 
-def test_a_unit_with_a_new_certificate_may_send_other_lanes(listener):
+def test_a_unit_with_a_new_certificate_may_send_other_lanes(listener: Listener) -> None:
     (crossing,) = crossing_map().intersections
     fewer = replace(crossing, lanes=crossing.lanes[1:], revision=4)
     assert listener.hears(crossing_map(), signer=OTHER_UNIT) == []
@@ -213,7 +216,7 @@ def test_a_unit_with_a_new_certificate_may_send_other_lanes(listener):
     assert listener.hears(newer, signer=OTHER_UNIT) == []
 
 
-def test_signals_of_another_revision_of_the_lanes_are_unknown(listener):
+def test_signals_of_another_revision_of_the_lanes_are_unknown(listener: Listener) -> None:
     assert listener.hears(crossing_spat(revision=4)) == []
     assert listener.states(EASTWARDS) is None
 
@@ -222,32 +225,34 @@ def test_signals_of_another_revision_of_the_lanes_are_unknown(listener):
     ("time_stamp_s", "reason"),
     [(10.2, "spat stale"), (14.4, "spat from_the_future")],
 )
-def test_a_message_of_another_time_is_refused(listener, time_stamp_s, reason):
+def test_a_message_of_another_time_is_refused(
+    listener: Listener, time_stamp_s: float, reason: str
+) -> None:
     assert listener.hears(crossing_spat(time_stamp_s=time_stamp_s)) == [reason]
     assert listener.states(EASTWARDS) == [GREEN]
 
 
-def test_a_repeated_message_is_accepted(listener):
+def test_a_repeated_message_is_accepted(listener: Listener) -> None:
     assert listener.hears(crossing_spat(), 0.05) == []
 
 
-def test_a_message_that_was_overtaken_is_refused(listener):
+def test_a_message_that_was_overtaken_is_refused(listener: Listener) -> None:
     assert listener.hears(crossing_spat(time_stamp_s=12.2)) == ["spat older"]
 
 
-def test_a_signal_that_goes_dark_is_unknown_at_once(listener):
+def test_a_signal_that_goes_dark_is_unknown_at_once(listener: Listener) -> None:
     dark = crossing_spat(status=IntersectionStatus.OFF, time_stamp_s=12.4)
     assert listener.hears(dark, 0.1) == ["spat dark"]
     assert listener.states(EASTWARDS, at_s=0.1) is None
 
 
-def test_a_phase_that_ends_in_the_past_is_refused(listener):
+def test_a_phase_that_ends_in_the_past_is_refused(listener: Listener) -> None:
     past = crossing_spat(movement(2, GREEN, 2.0), time_stamp_s=12.4)
     assert listener.hears(past, 0.1) == ["spat ends_in_past"]
     assert listener.states(EASTWARDS, at_s=0.1) is None
 
 
-def test_two_units_that_contradict_each_other_are_both_not_believed(listener):
+def test_two_units_that_contradict_each_other_are_both_not_believed(listener: Listener) -> None:
     red = crossing_spat(movement(2, RED, 30.0))
     assert listener.hears(red, signer=OTHER_UNIT) == ["spat contradictory"]
     assert listener.states(EASTWARDS) is None
@@ -256,12 +261,14 @@ def test_two_units_that_contradict_each_other_are_both_not_believed(listener):
     assert listener.states(EASTWARDS, at_s=1.1) == [GREEN]
 
 
-def test_two_units_that_agree_are_believed(listener):
+def test_two_units_that_agree_are_believed(listener: Listener) -> None:
     assert listener.hears(crossing_spat(), signer=OTHER_UNIT) == []
     assert listener.states(EASTWARDS) == [GREEN]
 
 
-def test_only_the_intersections_heard_last_are_kept(monkeypatch, listener):
+def test_only_the_intersections_heard_last_are_kept(
+    monkeypatch: pytest.MonkeyPatch, listener: Listener
+) -> None:
     monkeypatch.setattr(core, "MAX_INTERSECTIONS", 2)
     for number in (1, 2):
         listener.hears(crossing_spat(intersection=IntersectionReferenceId(None, number)))

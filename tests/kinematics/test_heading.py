@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,7 +217,7 @@ def test_north_is_a_direction_like_any_other(
 @pytest.mark.realdata
 @pytest.mark.parametrize(("name", "least_share"), [("drive-a", 0.97), ("drive-c", 0.92)])
 def test_on_a_real_drive_the_next_course_is_where_it_is_said_to_be(
-    rig_data, name: str, least_share: float
+    rig_data: Path, name: str, least_share: float
 ) -> None:
     """One fix a second, junctions included: within two sigma a second ahead, most of the time."""
     reader = NmeaReader()

@@ -1,5 +1,7 @@
 """A single core, whose camera and radio inputs the test gives."""
 
+from typing import Any
+
 import numpy as np
 
 from onboard.lcca.events import MeasuredLead, Transition
@@ -20,7 +22,9 @@ class OneCar:
         self.group = WarningGroup(prompt, own_id, np.random.default_rng(1))
         self.group.receive_speed(20.0, 0.0)
 
-    def sees(self, ahead: CarId | None, now: float, gap_m: float = 20.0, closing: float = 0.0):
+    def sees(
+        self, ahead: CarId | None, now: float, gap_m: float = 20.0, closing: float = 0.0
+    ) -> None:
         self.group.receive_speed(20.0, now)
         self.group.receive_lead(MeasuredLead(ahead, gap_m, closing), now)
 
@@ -51,7 +55,7 @@ def answer(
     )
 
 
-def member_of_a(**settings: float) -> OneCar:
+def member_of_a(**settings: Any) -> OneCar:
     car = OneCar(**settings)
     car.sees(A, 0.0)
     assert car.hears(answer(car.asks(0.0)), 0.0) == ["joined"]

@@ -85,7 +85,7 @@ class Road:
 
     def __init__(
         self, air: Air | None = None, parameters: GroupParameters | None = None, seed: int = 0
-    ):
+    ) -> None:
         self.air = air or Air()
         self.parameters = parameters or GroupParameters()
         self.now = 0.0

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
-from tests.lcca.road import Air, Road, car_id
+from tests.lcca.road import Air, Car, Road, car_id
 
 INSIDER = b"insider!"
 A = car_id("A")
@@ -110,7 +110,7 @@ def members(attack: Attack) -> list:
     return [attack.road.cars[name] for name in NAMES[1:]]
 
 
-def ended(car) -> bool:
+def ended(car: Car) -> bool:
     states = [each.kind for each in car.said if each.kind in ("warning", "warning_over")]
     return states[-1] == "warning_over"
 

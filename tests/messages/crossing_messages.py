@@ -1,5 +1,7 @@
 """A MAP and a SPAT message of one crossing."""
 
+from typing import Any
+
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import (
     Node,
@@ -36,7 +38,13 @@ MOY_S = 240_000 * 60.0
 """Beginning of an hour."""
 
 
-def lane(lane_id, nodes_m, *, signal_group=None, ingress=True):
+def lane(
+    lane_id: int,
+    nodes_m: list[tuple[float, float]],
+    *,
+    signal_group: int | None = None,
+    ingress: bool = True,
+) -> GenericLane:
     """A vehicle lane; the first node is given from the reference point, the others from there."""
     stop_line = NodeAttributeSet(local_node=(NodeAttribute.STOP_LINE,))
     nodes, (east_m, north_m) = [], (0.0, 0.0)
@@ -65,7 +73,7 @@ def lane(lane_id, nodes_m, *, signal_group=None, ingress=True):
     )
 
 
-def crossing_map(revision=3):
+def crossing_map(revision: int = 3) -> MapData:
     """Lane 1 leads east (signal group 2), lane 2 north (signal group 4); stop lines at 8 m."""
     return MapData(
         None,
@@ -90,20 +98,22 @@ def crossing_map(revision=3):
     )
 
 
-def movement(signal_group, state, min_end_s, **timing):
+def movement(
+    signal_group: int, state: MovementPhaseState, min_end_s: float | None, **timing: Any
+) -> MovementState:
     """A signal group that shows `state` until `min_end_s` of the hour."""
     details = TimeChangeDetails(None, min_end_s, **timing)
     return MovementState(None, signal_group, (MovementEvent(state, details),))
 
 
 def crossing_spat(
-    *movements,
-    intersection=ID,
-    revision=3,
-    status=IntersectionStatus.FIXED_TIME_OPERATION,
-    moy_s=MOY_S,
-    time_stamp_s=12.3,
-):
+    *movements: MovementState,
+    intersection: IntersectionReferenceId = ID,
+    revision: int = 3,
+    status: IntersectionStatus = IntersectionStatus.FIXED_TIME_OPERATION,
+    moy_s: float | None = MOY_S,
+    time_stamp_s: float | None = 12.3,
+) -> Spat:
     """Signal group 2 has green, 4 red, unless other movements are given."""
     states = movements or (
         movement(

@@ -4,6 +4,7 @@ That module repeats SAE J2735, but for the lower end of the longitude.
 """
 
 from enum import Enum
+from typing import Any
 
 from pycrate_asn1dir.ITS_IS import DSRC
 
@@ -29,7 +30,7 @@ _LONGITUDE_FROM = -1_799_999_999
 """Of J2735; that of ISO/TS 19091 begins one step lower."""
 
 
-def decoded(record: Record, data: bytes):
+def decoded(record: Record[Any], data: bytes) -> Any:
     """Return the oracle's value of `data`, after it has encoded the same bits again."""
     oracle = ORACLES[record.record.__name__]
     oracle.from_uper(data)
@@ -39,12 +40,14 @@ def decoded(record: Record, data: bytes):
     return value
 
 
-def assert_same(record: Record, ours, theirs) -> None:
+def assert_same(record: Record[Any], ours: object, theirs: Any) -> None:
     """Check every field of a message against the oracle's value of it."""
     _same(record, ours, theirs, ORACLES[record.record.__name__])
 
 
-def _same(field: Field, ours, theirs, type_) -> None:  # noqa: C901, PLR0912 (one for each kind)
+def _same(  # noqa: C901, PLR0912 (one for each kind)
+    field: Field, ours: Any, theirs: Any, type_: Any
+) -> None:
     match field:
         case Record():
             _same_record(field, ours, theirs, type_)
@@ -84,7 +87,7 @@ def _same(field: Field, ours, theirs, type_) -> None:  # noqa: C901, PLR0912 (on
             raise TypeError(field)
 
 
-def _same_record(record: Record, ours, theirs, type_) -> None:
+def _same_record(record: Record[Any], ours: object, theirs: Any, type_: Any) -> None:
     for (name, field), (other, inner) in zip(
         record.fields.items(), type_._cont.items(), strict=True
     ):

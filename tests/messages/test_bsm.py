@@ -5,11 +5,15 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import asn1tools
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
+from hypothesis.strategies._internal.lazy import LazyStrategy
 
 from onboard.errors import DecodeError
 from onboard.messages import bsm
@@ -61,7 +65,7 @@ gears = st.sampled_from(["neutral", "park", "forward", "reverse", "r1", "r2", "r
 controls = st.sampled_from(["unavailable", "off", "on", "engaged"])
 
 
-def bit_strings(bits):
+def bit_strings(bits: int) -> LazyStrategy:
     return st.integers(0, 2**bits - 1).map(
         lambda number: ((number << -bits % 8).to_bytes((bits + 7) // 8), bits)
     )
@@ -160,7 +164,12 @@ safeties = st.fixed_dictionaries(
 )
 
 
-def framed(core, safety=None, other_parts=(), regions=()):
+def framed(
+    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    safety: Any = None,
+    other_parts: list[tuple[int, bytes]] | tuple[()] = (),
+    regions: list[tuple[int, bytes]] | tuple[()] = (),
+) -> bytes:
     parts = [] if safety is None else [{"id": 0, "value": ORACLE.encode("Safety", safety)}]
     parts += [{"id": part_id, "value": value} for part_id, value in other_parts]
     message = {"core": core}
@@ -183,8 +192,12 @@ def framed(core, safety=None, other_parts=(), regions=()):
     other_regions=st.lists(st.tuples(st.integers(0, 127), st.binary(max_size=40)), max_size=3),
 )
 def test_bsms_of_another_compiler_are_decoded_and_encoded_bit_for_bit(
-    core, safety, other_parts, footer, other_regions
-):
+    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    safety: Any,
+    other_parts: list[tuple[int, bytes]],
+    footer: bytes | None,
+    other_regions: list[tuple[int, bytes]],
+) -> None:
     regions = [(bsm.FOOTER_REGION, footer)] if footer is not None else []
     frame = framed(core, safety, other_parts, regions + other_regions)
     message = bsm.decode(frame)
@@ -196,19 +209,21 @@ def test_bsms_of_another_compiler_are_decoded_and_encoded_bit_for_bit(
 
 
 @given(safety=safeties)
-def test_safety_extensions_are_decoded_by_another_compiler(safety):
+def test_safety_extensions_are_decoded_by_another_compiler(safety: Any) -> None:
     ours = SAFETY.encode(SAFETY.decode(ORACLE.encode("Safety", safety)))
     assert ORACLE.decode("Safety", ours) == safety
 
 
 @given(records(CORE), st.none() | records(SAFETY))
-def test_every_declared_message_survives_encoding_and_decoding(core, safety):
+def test_every_declared_message_survives_encoding_and_decoding(
+    core: CoreData, safety: VehicleSafetyExtensions | None
+) -> None:
     message = BasicSafetyMessage(core, safety)
     assert bsm.decode(bsm.encode(message)) == message
     json.dumps(bsm.as_dict(message), allow_nan=False)
 
 
-def test_an_optional_field_sent_as_unavailable_is_none_and_left_out_when_written():
+def test_an_optional_field_sent_as_unavailable_is_none_and_left_out_when_written() -> None:
     crumb = {"latOffset": 1, "lonOffset": 1, "elevationOffset": 1, "timeOffset": 1}
     theirs = {"pathHistory": {"crumbData": [crumb | {"speed": 8191, "heading": 240}]}}
     safety = SAFETY.decode(ORACLE.encode("Safety", theirs))
@@ -245,13 +260,13 @@ RAW_CORE = {
 
 
 @pytest.mark.parametrize(("sent_deg", "received_deg"), [(-90, 270), (359.999, 0), (725, 5)])
-def test_a_heading_is_sent_without_its_whole_turns(sent_deg, received_deg):
+def test_a_heading_is_sent_without_its_whole_turns(sent_deg: float, received_deg: int) -> None:
     core = CoreData(1, bytes(4), heading_rad=math.radians(sent_deg))
     received = bsm.decode(bsm.encode(BasicSafetyMessage(core))).core.heading_rad
     assert received == pytest.approx(math.radians(received_deg))
 
 
-def test_every_quantity_has_its_si_value():
+def test_every_quantity_has_its_si_value() -> None:
     core = bsm.decode(framed(RAW_CORE)).core
     assert (core.msg_cnt, core.temporary_id, core.sec_mark_s) == (127, b"\xde\xad\xbe\xef", 59.999)
     assert (core.latitude_deg, core.longitude_deg, core.elevation_m) == (
@@ -283,7 +298,7 @@ def test_every_quantity_has_its_si_value():
     assert core.size == VehicleSize(width_m=1.85, length_m=4.5)
 
 
-def test_missing_values_are_sent_as_the_unavailable_codes_of_the_standard():
+def test_missing_values_are_sent_as_the_unavailable_codes_of_the_standard() -> None:
     raw = ORACLE.decode(
         "Bsm", ORACLE.decode("Frame", bsm.encode(SILENT))["value"], check_constraints=True
     )
@@ -315,7 +330,7 @@ def test_missing_values_are_sent_as_the_unavailable_codes_of_the_standard():
     assert bsm.decode(bsm.encode(SILENT)) == SILENT
 
 
-def test_values_beyond_the_range_are_sent_as_its_end():
+def test_values_beyond_the_range_are_sent_as_its_end() -> None:
     core = replace(
         SILENT.core,
         speed_m_s=500.0,
@@ -328,7 +343,7 @@ def test_values_beyond_the_range_are_sent_as_its_end():
     assert read.acceleration.longitudinal_m_s2 == -20.0
 
 
-def test_hard_braking_is_flag_seven_and_raises_the_user_priority():
+def test_hard_braking_is_flag_seven_and_raises_the_user_priority() -> None:
     braking = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)
     frame = bsm.encode(replace(SILENT, safety=braking))
     parts = ORACLE.decode("Bsm", ORACLE.decode("Frame", frame)["value"])["parts"]
@@ -336,7 +351,7 @@ def test_hard_braking_is_flag_seven_and_raises_the_user_priority():
     assert SILENT.user_priority < bsm.decode(frame).user_priority == 7
 
 
-def test_a_straight_prediction_has_no_radius_and_lights_have_names():
+def test_a_straight_prediction_has_no_radius_and_lights_have_names() -> None:
     safety = SAFETY.decode(
         ORACLE.encode(
             "Safety",
@@ -353,7 +368,7 @@ def test_a_straight_prediction_has_no_radius_and_lights_have_names():
 # ---- what a later standard may add --------------------------------------------------------------
 
 
-def test_extensions_of_a_later_edition_are_skipped():
+def test_extensions_of_a_later_edition_are_skipped() -> None:
     tomorrow = ORACLE.encode(
         "SafetyOfTomorrow",
         {"lights": (b"\x80\x00", 9), "mood": 3, "song": b"la" * 80},
@@ -361,7 +376,7 @@ def test_extensions_of_a_later_edition_are_skipped():
     assert SAFETY.decode(tomorrow) == VehicleSafetyExtensions(lights=ExteriorLights.LOW_BEAM)
 
 
-def test_an_event_flag_of_a_later_edition_is_kept_and_printed(tmp_path):
+def test_an_event_flag_of_a_later_edition_is_kept_and_printed(tmp_path: Path) -> None:
     theirs = _pycrate(tmp_path).BsmOracle.Safety
     theirs.set_val({"events": (0b10, 15)})
     encoded = theirs.to_uper()
@@ -372,7 +387,7 @@ def test_an_event_flag_of_a_later_edition_is_kept_and_printed(tmp_path):
     assert theirs.get_val() == {"events": (0b1, 14)}
 
 
-def _pycrate(folder):
+def _pycrate(folder: Path) -> ModuleType:
     """The oracle's grammar by another compiler: asn1tools cannot extend bit strings."""
     import importlib.util
 
@@ -399,12 +414,14 @@ def _pycrate(folder):
         ({"core": replace(SILENT.core, msg_cnt=128)}, "msg_cnt: 128 is not 0 to 127"),
     ],
 )
-def test_a_value_that_cannot_be_encoded_is_an_error_that_names_the_field(change, what):
+def test_a_value_that_cannot_be_encoded_is_an_error_that_names_the_field(
+    change: Any, what: str
+) -> None:
     with pytest.raises(ValueError, match=what):
         bsm.encode(replace(SILENT, **change))
 
 
-def test_each_kind_of_invalid_bytes_has_its_decode_error():
+def test_each_kind_of_invalid_bytes_has_its_decode_error() -> None:
     good = framed(RAW_CORE, {"events": (b"\x01\x00", 13)})
     core = bytes(good[4:])
     twice = framed(RAW_CORE, {}, [(0, b"\x00")])
@@ -421,20 +438,23 @@ def test_each_kind_of_invalid_bytes_has_its_decode_error():
     assert {data: _reason(data) for data in cases} == cases
 
 
-def _reason(data):
+def _reason(data: bytes) -> str:
     with pytest.raises(DecodeError) as refused:
         bsm.decode(data)
     return refused.value.reason
 
 
 @given(core=cores, safety=safeties)
-def test_the_temporary_id_is_found_without_decoding_the_rest(core, safety):
+def test_the_temporary_id_is_found_without_decoding_the_rest(
+    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    safety: Any,
+) -> None:
     frame = framed(core, safety)
     assert bsm.temporary_id_in(frame) == bsm.decode(frame).core.temporary_id
 
 
 @given(st.binary(max_size=20))
-def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise):
+def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise: bytes) -> None:
     for given_bytes in (noise, b"\x00\x14" + noise):
         found = bsm.temporary_id_in(given_bytes)
         assert found is None or len(found) == 4
@@ -442,14 +462,23 @@ def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise):
 
 
 @given(core=cores, safety=safeties, data=st.data())
-def test_a_bsm_truncated_anywhere_is_too_short(core, safety, data):
+def test_a_bsm_truncated_anywhere_is_too_short(
+    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    safety: Any,
+    data: DataObject,
+) -> None:
     frame = framed(core, safety)
     cut = data.draw(st.integers(0, len(frame) - 1))
     assert _reason(frame[:cut]) == "too_short"
 
 
 @given(noise=st.binary(max_size=300), core=cores, safety=safeties, data=st.data())
-def test_any_bytes_raise_only_decode_errors(noise, core, safety, data):
+def test_any_bytes_raise_only_decode_errors(
+    noise: bytes,
+    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    safety: Any,
+    data: DataObject,
+) -> None:
     frame = bytearray(framed(core, safety))
     for _ in range(data.draw(st.integers(1, 4))):
         frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))

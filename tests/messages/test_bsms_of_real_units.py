@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -9,13 +10,15 @@ from onboard.messages import bsm
 from onboard.messages.bsm_core import BrakeSystemStatus
 
 
-def _vectors(rig_data):
+def _vectors(rig_data: Path) -> list[dict[str, dict[str, int | str] | str]]:
     rows = (rig_data / "wsm/bsm-vectors.jsonl").read_text().splitlines()
     return [json.loads(row) for row in rows]
 
 
 @pytest.mark.realdata
-def test_eighty_bsms_of_real_units_are_decoded_as_documented_and_encoded_again(rig_data):
+def test_eighty_bsms_of_real_units_are_decoded_as_documented_and_encoded_again(
+    rig_data: Path,
+) -> None:
     rows = _vectors(rig_data)
     assert len(rows) == 80
     for row in rows:
@@ -39,12 +42,12 @@ def test_eighty_bsms_of_real_units_are_decoded_as_documented_and_encoded_again(r
         assert {name: read[name] for name in expected} == expected, row["src"]
 
 
-def _steps(value, scale, unavailable):
+def _steps(value: float | None, scale: float, unavailable: int) -> int:
     return unavailable if value is None else round(value / scale)
 
 
 @pytest.mark.realdata
-def test_sixteen_of_them_have_the_si_values_of_another_decoder(rig_data):
+def test_sixteen_of_them_have_the_si_values_of_another_decoder(rig_data: Path) -> None:
     rows = [row for row in _vectors(rig_data) if "ode_json" in row["expect"]]
     assert len(rows) == 16
     for row in rows:

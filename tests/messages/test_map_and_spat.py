@@ -1,20 +1,24 @@
 """MAP and SPAT: bits and values as of another codec, extensions skipped, other bytes refused."""
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 
 from onboard.errors import DecodeError
 from onboard.messages import map_data, spat
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import node_offset
-from onboard.messages.map_data import MAP_DATA
+from onboard.messages.map_data import MAP_DATA, MapData
 from onboard.messages.message_frame import FRAME, MessageFrame
+from onboard.messages.record import Record
 from onboard.messages.spat import (
     SPAT,
+    Spat,
 )
 from tests.messages.crossing_messages import crossing_map, crossing_spat
 from tests.messages.its_oracle import assert_same, decoded
@@ -33,23 +37,23 @@ slow = settings(
 @pytest.mark.long
 @slow
 @given(maps)
-def test_every_map_is_that_of_another_codec_and_is_read_again(message):
+def test_every_map_is_that_of_another_codec_and_is_read_again(message) -> None:
     _check(MAP_DATA, message)
 
 
 @slow
 @given(spats)
-def test_every_spat_is_that_of_another_codec_and_is_read_again(message):
+def test_every_spat_is_that_of_another_codec_and_is_read_again(message: Spat) -> None:
     _check(SPAT, message)
 
 
-def _check(record, message):
+def _check(record: Record, message: Spat) -> None:
     data = record.encode(message)
     assert_same(record, message, decoded(record, data))
     assert record.decode(data) == message
 
 
-def test_a_crossing_has_its_values_by_the_other_codec():
+def test_a_crossing_has_its_values_by_the_other_codec() -> None:
     theirs = decoded(MAP_DATA, MAP_DATA.encode(crossing_map()))
     (intersection,) = theirs["intersections"]
     assert intersection["id"] == {"id": 501, "region": 7}
@@ -88,16 +92,16 @@ def test_a_crossing_has_its_values_by_the_other_codec():
         (81.92, -327.67, "node_xy6"),
     ],
 )
-def test_a_node_takes_the_smallest_form(east_m, north_m, name):
+def test_a_node_takes_the_smallest_form(east_m: float, north_m: float, name: str) -> None:
     assert node_offset(east_m, north_m) == Chosen(name, (east_m, north_m))
 
 
-def test_a_node_beyond_the_largest_form_is_an_error():
+def test_a_node_beyond_the_largest_form_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"\(400, 0\) m is too far"):
         node_offset(400.0, 0.0)
 
 
-def test_additions_of_a_later_edition_are_skipped():
+def test_additions_of_a_later_edition_are_skipped() -> None:
     """The frame, its message and an intersection each carry additions in their extensions."""
     message = crossing_spat()
     data = _bits(FRAME.encode(MessageFrame(19, b"")))[: 1 + 15]
@@ -112,11 +116,11 @@ _ADDITIONS = "0" + f"{2 - 1:06b}" + "10" + f"{3:08b}" + "1" * 24
 """Two are possible, one is there, as an open type of three octets (X.691, 19.7 to 19.9)."""
 
 
-def _with_additions(bits):
+def _with_additions(bits: str) -> str:
     return "1" + bits[1:] + _ADDITIONS
 
 
-def _length(record, message):
+def _length(record: Record, message: Spat) -> int:
     from onboard.messages.bit_io import BitWriter
 
     writer = BitWriter()
@@ -124,20 +128,20 @@ def _length(record, message):
     return writer.bits
 
 
-def _bits(data, len_bits=None):
+def _bits(data: bytes, len_bits: None = None) -> str:
     return _text(data)[:len_bits]
 
 
-def _text(data):
+def _text(data: bytes) -> str:
     return "".join(f"{octet:08b}" for octet in data)
 
 
-def _octets(bits):
+def _octets(bits: str) -> bytes:
     padded = bits + "0" * (-len(bits) % 8)
     return int(padded, 2).to_bytes(len(padded) // 8)
 
 
-def test_each_kind_of_invalid_bytes_has_its_reason():
+def test_each_kind_of_invalid_bytes_has_its_reason() -> None:
     good = spat.encode(crossing_spat())
     assert _reason(spat.decode, b"") == "too_short"
     assert _reason(spat.decode, good[:-1]) == "too_short"
@@ -154,12 +158,14 @@ def test_each_kind_of_invalid_bytes_has_its_reason():
         ({"layer_id": 101}, "layer_id: 101 is not 0 to 100"),
     ],
 )
-def test_a_value_that_cannot_be_encoded_is_an_error_that_names_the_field(change, what):
+def test_a_value_that_cannot_be_encoded_is_an_error_that_names_the_field(
+    change: dict[str, int] | dict[str, tuple[()]], what: str
+) -> None:
     with pytest.raises(ValueError, match=what):
         map_data.encode(replace(crossing_map(), **change))
 
 
-def test_a_name_that_is_not_ascii_is_an_error():
+def test_a_name_that_is_not_ascii_is_an_error() -> None:
     (state,) = crossing_spat().intersections
     with pytest.raises(ValueError, match="name: 'Hauptstraße' is not ASCII"):
         spat.encode(replace(crossing_spat(), intersections=(replace(state, name="Hauptstraße"),)))
@@ -167,7 +173,7 @@ def test_a_name_that_is_not_ascii_is_an_error():
 
 @slow
 @given(noise=st.binary(max_size=300), data=st.data())
-def test_any_bytes_raise_only_decode_errors(noise, data):
+def test_any_bytes_raise_only_decode_errors(noise: bytes, data: DataObject) -> None:
     for module, good in (
         (map_data, map_data.encode(crossing_map())),
         (spat, spat.encode(crossing_spat())),
@@ -180,7 +186,7 @@ def test_any_bytes_raise_only_decode_errors(noise, data):
                 module.as_dict(module.decode(given_bytes))
 
 
-def _reason(decode, data):
+def _reason(decode: Callable[..., MapData] | Callable[..., Spat], data: bytes) -> str:
     with pytest.raises(DecodeError) as refused:
         decode(data)
     return refused.value.reason

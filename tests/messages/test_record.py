@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, Any
 
 import asn1tools
 import pytest
@@ -202,24 +202,26 @@ OF_TOMORROW = asn1tools.compile_string(
         ),
     ],
 )
-def test_enumerations_and_choices_of_a_later_edition_are_kept_and_printed(theirs, ours, printed):
+def test_enumerations_and_choices_of_a_later_edition_are_kept_and_printed(
+    theirs: dict[str, bool | str | tuple[str, int]], ours: Painted, printed: Any
+) -> None:
     data = OF_TOMORROW.encode("Painted", theirs)
     assert PAINTED.decode(data) == ours
     assert PAINTED.encode(ours) == data
     assert PAINTED.as_dict(ours) == printed
 
 
-def test_a_choice_of_an_unknown_name_is_an_error():
+def test_a_choice_of_an_unknown_name_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"Painted.size: 'length' is not one of \['number'\]"):
         PAINTED.encode(Painted(Colour.RED, Chosen("length", 5), "a", is_wet=True))
 
 
-def test_a_number_of_a_later_edition_is_above_those_of_this_one():
+def test_a_number_of_a_later_edition_is_above_those_of_this_one() -> None:
     with pytest.raises(ValueError, match=r"Painted.colour: -1 is below 0"):
         PAINTED.encode(Painted(1, Chosen("number", 5), "a", is_wet=True))
 
 
-def test_a_number_of_any_size_is_a_normally_small_one():
+def test_a_number_of_any_size_is_a_normally_small_one() -> None:
     """X.691, 11.6: six bits up to 63, octets above."""
     ours = Painted(2 + 64, Chosen("number", 0), "a", is_wet=False)
     assert PAINTED.decode(PAINTED.encode(ours)) == ours

@@ -118,7 +118,9 @@ MESSAGE = SensorDataSharingMessage(
         ),
     ],
 )
-def test_messages_of_other_makers_are_read_and_written_again_to_the_bit(frame, expected):
+def test_messages_of_other_makers_are_read_and_written_again_to_the_bit(
+    frame: str, expected: dict[str, float | str | None]
+) -> None:
     data = bytes.fromhex(frame)
     message = sdsm.decode(data)
     assert sdsm.encode(message) == data
@@ -129,7 +131,7 @@ def test_messages_of_other_makers_are_read_and_written_again_to_the_bit(frame, e
     assert {name: values[name] for name in expected} == expected
 
 
-def test_every_field_is_that_of_another_codec():
+def test_every_field_is_that_of_another_codec() -> None:
     theirs = ORACLE.decode("SensorDataSharingMessage", SDSM.encode(MESSAGE))
     (detected,) = theirs.pop("objects")
     assert theirs == {
@@ -186,20 +188,20 @@ def oracle_can_read(message: SensorDataSharingMessage) -> bool:
 @pytest.mark.long
 @settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(records(SDSM, most=2).filter(oracle_can_read))
-def test_every_message_has_the_bits_of_another_codec_and_is_read_again(message):
+def test_every_message_has_the_bits_of_another_codec_and_is_read_again(message) -> None:
     data = SDSM.encode(message)
     theirs = ORACLE.decode("SensorDataSharingMessage", data)
     assert ORACLE.encode("SensorDataSharingMessage", theirs) == data
     assert SDSM.decode(data) == message
 
 
-def test_a_bound_is_the_least_that_is_not_below_the_error():
+def test_a_bound_is_the_least_that_is_not_below_the_error() -> None:
     field = sdsm._POSITION
     for error_m, bound_m in ((0.3, 0.5), (0.5, 0.5), (2.1, 5.0), (501.0, None), (None, None)):
         assert field.from_raw(field.to_raw(error_m)) == bound_m
 
 
-def test_data_of_an_object_that_is_not_read_refuses_the_message():
+def test_data_of_an_object_that_is_not_read_refuses_the_message() -> None:
     for kind in (1, 2):
         body = {"objType": "vru"} | dict.fromkeys(("objTypeCfd", "objectID"), 1)
         theirs = ORACLE.decode("SensorDataSharingMessage", SDSM.encode(MESSAGE))
@@ -210,17 +212,17 @@ def test_data_of_an_object_that_is_not_read_refuses_the_message():
 
 
 @given(st.integers(0, 4_000_000_000_000))
-def test_a_time_is_read_as_it_was_written(utc_ms):
+def test_a_time_is_read_as_it_was_written(utc_ms: int) -> None:
     assert DateTime.of_utc(utc_ms).utc_ms(near_ms=0) == utc_ms
 
 
-def test_what_a_time_leaves_out_is_taken_from_the_receipt():
+def test_what_a_time_leaves_out_is_taken_from_the_receipt() -> None:
     received_ms = DateTime(2026, 11, 23, 16, 59, 58.3).utc_ms(0)
     assert DateTime(second_s=58.25).utc_ms(received_ms) == received_ms - 50
     assert DateTime(minute=59, second_s=58.25).utc_ms(received_ms) == received_ms - 50
 
 
-def test_a_second_of_the_minute_before_or_after_the_receipt_is_not_a_minute_off():
+def test_a_second_of_the_minute_before_or_after_the_receipt_is_not_a_minute_off() -> None:
     received_ms = DateTime(2026, 11, 23, 16, 59, 0.1).utc_ms(0)
     assert DateTime(second_s=59.9).utc_ms(received_ms) == received_ms - 200
     received_ms = DateTime(2026, 11, 23, 16, 59, 59.95).utc_ms(0)
@@ -237,16 +239,16 @@ def test_a_second_of_the_minute_before_or_after_the_receipt_is_not_a_minute_off(
         (DateTime(2026, 1, 1, 31, 60, 0.0), "out_of_range"),
     ],
 )
-def test_a_time_that_is_none_is_refused(time, reason):
+def test_a_time_that_is_none_is_refused(time: DateTime, reason: str) -> None:
     with pytest.raises(DecodeError, match=reason):
         time.utc_ms(0)
 
 
-def test_a_message_of_another_type_is_named():
+def test_a_message_of_another_type_is_named() -> None:
     with pytest.raises(DecodeError, match="not_a_sdsm"):
         sdsm.decode(bytes.fromhex("001400"))
 
 
-def test_what_cannot_be_sent_is_an_error_that_names_the_field():
+def test_what_cannot_be_sent_is_an_error_that_names_the_field() -> None:
     with pytest.raises(ValueError, match=r"SensorDataSharingMessage.objects"):
         sdsm.encode(replace(MESSAGE, objects=()))

@@ -4,24 +4,36 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from onboard.kinematics.units import KM_H
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.misbehaviour.misbehaviour_detection import SENDER_TIMEOUT_S, MisbehaviourDetector
+from onboard.misbehaviour.misbehaviour_detection import (
+    SENDER_TIMEOUT_S,
+    Misbehaviour,
+    MisbehaviourDetector,
+)
 
 CORE = CoreData(0, b"abcd", latitude_deg=25.0, longitude_deg=121.5, speed_m_s=20.0)
 BRAKING = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING)
 METRE_DEG = 1 / 111_195
 
 
-def _bsm(speed_m_s=20.0, north_m=0.0, braking=False):
+def _bsm(
+    speed_m_s: float | None = 20.0, north_m: float = 0.0, braking: bool = False
+) -> BasicSafetyMessage:
     core = replace(CORE, speed_m_s=speed_m_s, latitude_deg=25.0 + north_m * METRE_DEG)
     return BasicSafetyMessage(core, BRAKING if braking else None)
 
 
-def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
+def _drive(
+    speeds_m_s: NDArray[np.float64],
+    detector: MisbehaviourDetector,
+    braking_from: int | None = None,
+    interval_s: float = 0.1,
+) -> list[Misbehaviour | None]:
     """Receive BSMs of these speeds; return the check that each failed."""
     north_m, doubts = 0.0, []
     for i, speed_m_s in enumerate(speeds_m_s):
@@ -34,7 +46,9 @@ def _drive(speeds_m_s, detector, braking_from=None, interval_s=0.1):
 
 @pytest.mark.parametrize("deceleration_m_s2", [4.0, 6.0, 9.0])
 @pytest.mark.parametrize("step_m_s", [0.01, KM_H], ids=["fine", "whole km/h"])
-def test_genuine_hard_braking_is_accepted_from_the_first_flag(deceleration_m_s2, step_m_s):
+def test_genuine_hard_braking_is_accepted_from_the_first_flag(
+    deceleration_m_s2: float, step_m_s: float
+) -> None:
     """The sender sets the flag half a second into the braking."""
     times = np.arange(0, 3, 0.1)
     speeds = np.clip(25.0 - deceleration_m_s2 * np.clip(times - 1.0, 0, None), 0, None)
@@ -52,16 +66,18 @@ def test_genuine_hard_braking_is_accepted_from_the_first_flag(deceleration_m_s2,
         pytest.param(np.zeros(30), id="parked"),
     ],
 )
-def test_hard_braking_that_the_senders_speeds_contradict_is_implausible(speeds_m_s):
+def test_hard_braking_that_the_senders_speeds_contradict_is_implausible(
+    speeds_m_s: NDArray[np.float64],
+) -> None:
     doubts = _drive(speeds_m_s, MisbehaviourDetector(), braking_from=15)
     assert doubts == [None] * 15 + ["implausible_brake"] * 15
 
 
-def test_the_first_bsm_of_a_sender_is_accepted():
+def test_the_first_bsm_of_a_sender_is_accepted() -> None:
     assert MisbehaviourDetector().receive_bsm(b"new", _bsm(braking=True), 0.0, 0.0) is None
 
 
-def test_an_impossible_speed_is_implausible():
+def test_an_impossible_speed_is_implausible() -> None:
     assert MisbehaviourDetector().receive_bsm(b"car", _bsm(91.0), 0.0, 0.0) == "implausible_speed"
 
 
@@ -76,7 +92,9 @@ def test_an_impossible_speed_is_implausible():
         (1.0, None, None),
     ],
 )
-def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(after_s, speed_m_s, doubt):
+def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(
+    after_s: float, speed_m_s: float | None, doubt: str | None
+) -> None:
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(20.0), 0.0, 0.0)
     assert detector.receive_bsm(b"car", _bsm(speed_m_s), after_s, after_s) == doubt
@@ -92,13 +110,15 @@ def test_a_speed_that_does_not_follow_from_the_one_before_is_implausible(after_s
         (60.0, 1200.0, None),
     ],
 )
-def test_a_position_out_of_reach_of_the_one_before_is_implausible(after_s, north_m, doubt):
+def test_a_position_out_of_reach_of_the_one_before_is_implausible(
+    after_s: float, north_m: float, doubt: str | None
+) -> None:
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(), 0.0, 0.0)
     assert detector.receive_bsm(b"car", _bsm(north_m=north_m), after_s, after_s) == doubt
 
 
-def test_after_a_position_jump_the_next_bsms_are_accepted():
+def test_after_a_position_jump_the_next_bsms_are_accepted() -> None:
     detector = MisbehaviourDetector()
     doubts = [
         detector.receive_bsm(b"car", _bsm(north_m=north_m), i / 10, i / 10)
@@ -107,21 +127,21 @@ def test_after_a_position_jump_the_next_bsms_are_accepted():
     assert doubts == [None, "implausible_position", None]
 
 
-def test_crossing_the_date_line_is_not_a_position_jump():
+def test_crossing_the_date_line_is_not_a_position_jump() -> None:
     detector = MisbehaviourDetector()
     for i, longitude_deg in enumerate((179.99999, -179.99999)):
         message = BasicSafetyMessage(replace(CORE, longitude_deg=longitude_deg))
         assert detector.receive_bsm(b"car", message, i / 10, i / 10) is None
 
 
-def test_each_sender_is_compared_with_its_own_bsms_only():
+def test_each_sender_is_compared_with_its_own_bsms_only() -> None:
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"one", _bsm(10.0), 0.0, 0.0)
     other = replace(_bsm(30.0, north_m=900.0).core, temporary_id=b"efgh")
     assert detector.receive_bsm(b"two", BasicSafetyMessage(other), 0.1, 0.1) is None
 
 
-def test_two_senders_with_one_temporary_id_are_two_vehicles():
+def test_two_senders_with_one_temporary_id_are_two_vehicles() -> None:
     detector = MisbehaviourDetector()
     assert detector.remote_id(b"one", b"abcd") == b"abcd"
     second = detector.remote_id(b"two", b"abcd")
@@ -130,7 +150,7 @@ def test_two_senders_with_one_temporary_id_are_two_vehicles():
     assert detector.remote_id(b"two", b"abcd") == second
 
 
-def test_implausible_speeds_do_not_confirm_braking():
+def test_implausible_speeds_do_not_confirm_braking() -> None:
     detector = MisbehaviourDetector()
     _drive(np.full(15, 15.0), detector)
     detector.receive_car_id(b"car", b"plate id")
@@ -139,7 +159,7 @@ def test_implausible_speeds_do_not_confirm_braking():
     assert detector.check_warning(b"plate id", braked_at_s=1.5) == "implausible_brake"
 
 
-def test_an_out_of_order_bsm_is_checked_and_not_kept():
+def test_an_out_of_order_bsm_is_checked_and_not_kept() -> None:
     detector = MisbehaviourDetector()
     detector.receive_bsm(b"car", _bsm(20.0, north_m=10.0), 1.0, 1.0)
     assert detector.receive_bsm(b"car", _bsm(20.0, north_m=8.0), 0.9, 0.9) is None
@@ -159,8 +179,8 @@ def test_an_out_of_order_bsm_is_checked_and_not_kept():
     ids=["a second on", "at once", "made up", "back"],
 )
 def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(
-    way_m, reported_after_s, doubt
-):
+    way_m: float, reported_after_s: float, doubt: str | None
+) -> None:
     """Ten BSMs have one `sec_mark`, the next ten another, across the end of a minute."""
     detector = MisbehaviourDetector()
     for tenth, (north_m, sec_mark_s) in enumerate(
@@ -180,7 +200,7 @@ def test_a_receiver_at_1_hz_may_advance_by_a_second_between_two_bsms(
         (_bsm(20.0, north_m=57.0, braking=True), "implausible_brake"),
     ],
 )
-def test_backdated_bsms_are_checked_too(message, doubt):
+def test_backdated_bsms_are_checked_too(message: BasicSafetyMessage, doubt: str) -> None:
     detector = MisbehaviourDetector()
     _drive(np.full(30, 20.0), detector)
     assert detector.receive_bsm(b"car", message, 2.85, 2.85) == doubt
@@ -189,7 +209,7 @@ def test_backdated_bsms_are_checked_too(message, doubt):
 # ---- warnings of a group ------------------------------------------------------------------------
 
 
-def test_a_warning_is_checked_against_the_bsms_of_the_braking_car():
+def test_a_warning_is_checked_against_the_bsms_of_the_braking_car() -> None:
     attacked, honest = MisbehaviourDetector(), MisbehaviourDetector()
     _drive(np.full(30, 20.0), attacked)
     _drive(np.concatenate([np.full(15, 20.0), np.linspace(20, 11, 15)]), honest)
@@ -199,14 +219,14 @@ def test_a_warning_is_checked_against_the_bsms_of_the_braking_car():
     assert honest.check_warning(b"plate id", braked_at_s=2.0) is None
 
 
-def test_a_warning_of_a_car_without_received_bsms_is_accepted():
+def test_a_warning_of_a_car_without_received_bsms_is_accepted() -> None:
     """The car is several hops ahead, beyond the range of its BSMs."""
     detector = MisbehaviourDetector()
     _drive(np.full(30, 20.0), detector)
     assert detector.check_warning(b"far away", braked_at_s=2.0) is None
 
 
-def test_many_forged_senders_take_bounded_memory():
+def test_many_forged_senders_take_bounded_memory() -> None:
     detector = MisbehaviourDetector()
     for i in range(3000):
         core = replace(CORE, temporary_id=i.to_bytes(4))
@@ -217,7 +237,7 @@ def test_many_forged_senders_take_bounded_memory():
     assert len(detector._temporary_ids) <= 512
 
 
-def test_silent_senders_are_dropped():
+def test_silent_senders_are_dropped() -> None:
     detector = MisbehaviourDetector()
     for number in range(10):
         core = replace(CORE, temporary_id=number.to_bytes(4))

@@ -1,6 +1,7 @@
 """Sharing in SDSMs: what is sent, what is used, and that nothing counts twice beside footers."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from onboard.mvs.settings import SharedIn
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
 
 
-def two_and_one(shared_in: SharedIn, **changes: object) -> World:
+def two_and_one(shared_in: SharedIn, **changes: Any) -> World:
     """Return a world in which a sees x, which has no radio, and tells b."""
     cars = [
         Car("a", 0.0, 0.0, vy_m_s=10.0, sees=frozenset({"x"})),
@@ -29,7 +30,9 @@ def last_sdsm(world: World) -> sdsm.SensorDataSharingMessage:
 
 
 @pytest.mark.parametrize("shared_in", SharedIn)
-def test_a_vehicle_without_radio_is_known_by_what_another_vehicle_shares(shared_in) -> None:
+def test_a_vehicle_without_radio_is_known_by_what_another_vehicle_shares(
+    shared_in: SharedIn,
+) -> None:
     world = two_and_one(shared_in)
     world.run(2.0)
 
@@ -68,7 +71,7 @@ def test_footer_and_sdsm_of_one_sender_name_the_same_measurements() -> None:
 
 
 @pytest.mark.parametrize("shared_in", [SharedIn.SDSM, SharedIn.BOTH])
-def test_evidence_in_circles_is_used_once(shared_in) -> None:
+def test_evidence_in_circles_is_used_once(shared_in: SharedIn) -> None:
     world = ring(4, settings=EXACT.model_copy(update={"shared_in": shared_in}))
     for _ in range(10):
         world.run(0.2)

@@ -1,6 +1,7 @@
 """Speed and brake pedal from broadcast signals, by name."""
 
 from pathlib import Path
+from typing import Any
 
 import cantools
 import pytest
@@ -12,7 +13,7 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed, TurnSignal
+from onboard.observations import BrakeCause, BrakePedal, Discarded, HardBrake, Speed, TurnSignal
 
 DBC = """VERSION ""
 NS_ :
@@ -49,21 +50,21 @@ VAL_ 256 BRAKE 1 "pressed" 0 "released" ;
 
 
 @pytest.fixture(name="dbc")
-def _dbc(tmp_path) -> Path:
+def _dbc(tmp_path: Path) -> Path:
     path = tmp_path / "car.dbc"
     path.write_text(DBC, encoding="ascii")
     return path
 
 
-def settings(dbc, **more):
+def settings(dbc: Path, **more: Any) -> ObdSettings:
     return ObdSettings(broadcast=BroadcastSettings(dbc=dbc, **more))
 
 
-def bus_of(settings):
+def bus_of(settings: ObdSettings) -> VehicleBus | None:
     return VehicleBus(settings, read_signals(settings.broadcast))
 
 
-def frame(stamp_s, message, **values):
+def frame(stamp_s: float, message: str, **values: float) -> CanFrame:
     """A frame encoded by cantools."""
     database = cantools.database.load_string(DBC, "dbc")
     found = database.get_message_by_name(message)
@@ -72,7 +73,9 @@ def frame(stamp_s, message, **values):
     return CanFrame(stamp_s, found.frame_id, found.is_extended_frame, data)
 
 
-def received(bus, *frames):
+def received(
+    bus: VehicleBus, *frames: CanFrame
+) -> list[BrakePedal | Discarded | HardBrake | Speed | TurnSignal]:
     for each in frames:
         bus.receive_frame(each, each.stamp_s)
     events = []
@@ -81,31 +84,31 @@ def received(bus, *frames):
     return events
 
 
-def test_a_speed_in_si_with_its_resolution_and_name(dbc):
+def test_a_speed_in_si_with_its_resolution_and_name(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)) == [
         Speed(2.0, pytest.approx(10.0), pytest.approx(0.01 * KM_H), "dbc:WHEELS.FRONT_LEFT")
     ]
 
 
-def test_the_speed_of_several_wheels_is_their_median(dbc):
+def test_the_speed_of_several_wheels_is_their_median(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
     (speed,) = received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
     assert speed.speed_m_s == pytest.approx(36.5 * KM_H)
 
 
-def test_the_unit_is_the_dbc_files_in_any_case(dbc):
+def test_the_unit_is_the_dbc_files_in_any_case(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("CLUSTER.SPEED",)))
     (speed,) = received(bus, frame(2.0, "CLUSTER", SPEED=60))
     assert speed.speed_m_s == pytest.approx(60 * MPH)
 
 
-def test_the_settings_may_name_another_unit(dbc):
+def test_the_settings_may_name_another_unit(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
     assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
 
 
-def test_the_turn_signals(dbc):
+def test_the_turn_signals(dbc: Path) -> None:
     """Of two bits, 3 is "not available"."""
     bus = bus_of(settings(dbc, turn_signal_left="LAMPS.LEFT", turn_signal_right="LAMPS.RIGHT"))
     left, right, _, unavailable = received(
@@ -116,7 +119,7 @@ def test_the_turn_signals(dbc):
     assert unavailable == TurnSignal(2.1, "right", is_on=False, source="dbc:LAMPS.RIGHT")
 
 
-def test_the_brake_pedal(dbc):
+def test_the_brake_pedal(dbc: Path) -> None:
     bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
     assert received(bus, frame(2.0, "PEDALS", BRAKE=1), frame(2.1, "PEDALS", BRAKE=0)) == [
         BrakePedal(2.0, pressed=True, source="dbc:PEDALS.BRAKE"),
@@ -138,7 +141,9 @@ def test_the_brake_pedal(dbc):
         ),
     ],
 )
-def test_a_trigger_is_active_by_its_signal(dbc, names, values, cause):
+def test_a_trigger_is_active_by_its_signal(
+    dbc: Path, names: dict[str, Any], values: dict[str, Any], cause: BrakeCause
+) -> None:
     signals = read_signals(BroadcastSettings(dbc=dbc, **names))
     (on,) = signals.receive_frame(frame(2.0, "SAFETY", **values))
     (off,) = signals.receive_frame(frame(2.1, "SAFETY", PRESSURE=5990))
@@ -148,20 +153,20 @@ def test_a_trigger_is_active_by_its_signal(dbc, names, values, cause):
 
 
 @pytest.mark.parametrize("value", [2, 3])
-def test_error_and_not_available_of_two_bits_are_no_airbag(dbc, value):
+def test_error_and_not_available_of_two_bits_are_no_airbag(dbc: Path, value: int) -> None:
     signals = read_signals(BroadcastSettings(dbc=dbc, airbag="SAFETY.AIRBAG"))
     (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", AIRBAG=value))
     assert not trigger.is_active
 
 
 @pytest.mark.parametrize("name", ["stability_control", "airbag"])
-def test_a_flag_beyond_its_range_is_discarded(dbc, name):
+def test_a_flag_beyond_its_range_is_discarded(dbc: Path, name: str) -> None:
     bus = bus_of(settings(dbc, **{name: "SAFETY.ESC"}))
     (discarded,) = received(bus, CanFrame(2.0, 512, is_extended_id=False, data=b"\x70\0\0\0"))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
-def test_an_airbag_is_hard_braking_while_it_is_reported(dbc):
+def test_an_airbag_is_hard_braking_while_it_is_reported(dbc: Path) -> None:
     bus = bus_of(settings(dbc, airbag="SAFETY.AIRBAG"))
     (begin,) = received(bus, *(frame(n / 10, "SAFETY", AIRBAG=1) for n in range(10, 20)))
     assert (begin.kind, begin.cause, begin.source) == ("hard_brake", "airbag", "dbc:SAFETY.AIRBAG")
@@ -176,31 +181,31 @@ def test_an_airbag_is_hard_braking_while_it_is_reported(dbc):
     "more",
     [{"brake_pressure": "SAFETY.PRESSURE"}, {"brake_pressure_threshold_bar": 50.0}],
 )
-def test_brake_pressure_and_its_threshold_belong_together(dbc, more):
+def test_brake_pressure_and_its_threshold_belong_together(dbc: Path, more: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match="is required with `brake_pressure`"):
         BroadcastSettings(dbc=dbc, **more)
 
 
-def test_the_settings_may_name_another_unit_of_pressure(dbc):
+def test_the_settings_may_name_another_unit_of_pressure(dbc: Path) -> None:
     named = {"brake_pressure": "SAFETY.FORCE", "brake_pressure_threshold_bar": 20.0}
     signals = read_signals(BroadcastSettings(dbc=dbc, **named, brake_pressure_unit="MPa"))
     (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", FORCE=2))
     assert trigger.is_active
 
 
-def test_a_wheel_of_three_that_stops_at_once_is_no_collision(dbc):
+def test_a_wheel_of_three_that_stops_at_once_is_no_collision(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("THREE.A", "THREE.B", "THREE.C")))
     frames = [frame(n / 50, "THREE", A=80 * (n < 100), B=80, C=80) for n in range(200)]
     assert {event.kind for event in received(bus, *frames)} == {"speed"}
 
 
-def test_11_and_29_bit_identifiers_are_distinct(dbc):
+def test_11_and_29_bit_identifiers_are_distinct(dbc: Path) -> None:
     """0x100 with 29 bits is another message than 0x100 with 11."""
     bus = bus_of(settings(dbc, brake_pedal="PEDALS.BRAKE"))
     assert received(bus, CanFrame(2.0, 256, is_extended_id=True, data=b"\x01")) == []
 
 
-def test_values_beyond_the_range_are_not_available(dbc):
+def test_values_beyond_the_range_are_not_available(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
@@ -208,7 +213,9 @@ def test_values_beyond_the_range_are_not_available(dbc):
 
 @pytest.mark.parametrize("signal", ["WHEEL", "FLOAT"])
 @pytest.mark.parametrize("number", ["ffffffff", "7f800000", "7fc00000", "47000000", "c7000000"])
-def test_without_a_range_impossible_speeds_are_discarded(dbc, signal, number):
+def test_without_a_range_impossible_speeds_are_discarded(
+    dbc: Path, signal: str, number: str
+) -> None:
     """All ones, and as floating point: infinite, no number, too fast either way."""
     bus = bus_of(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
     wheel = b"\xff\xff"
@@ -217,13 +224,13 @@ def test_without_a_range_impossible_speeds_are_discarded(dbc, signal, number):
 
 
 @pytest.mark.parametrize("length", [0, 1, 7])
-def test_a_frame_that_is_too_short_is_discarded(dbc, length):
+def test_a_frame_that_is_too_short_is_discarded(dbc: Path, length: int) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
     assert (discarded.component, discarded.reason) == ("obd", "signal_decoding")
 
 
-def test_while_the_speed_is_broadcast_obd_is_neither_requested_nor_used(dbc):
+def test_while_the_speed_is_broadcast_obd_is_neither_requested_nor_used(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     answer = CanFrame(10.1, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
     events = received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0), answer)
@@ -232,7 +239,7 @@ def test_while_the_speed_is_broadcast_obd_is_neither_requested_nor_used(dbc):
     assert bus.get_timer() == 10.5
 
 
-def test_obd_takes_over_when_the_broadcast_stops(dbc):
+def test_obd_takes_over_when_the_broadcast_stops(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0))
     assert len(bus.frames_to_send(10.5)) == 1
@@ -240,7 +247,7 @@ def test_obd_takes_over_when_the_broadcast_stops(dbc):
     assert [event.source for event in received(bus, answer)] == ["obd:7E8"]
 
 
-def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
+def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     frames = [
         frame(n / 50, "WHEELS", FRONT_LEFT=100 - 28.8 * max(0.0, n / 50 - 1.0)) for n in range(100)
@@ -265,14 +272,16 @@ def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc):
         ({"speed": ("WHEELS.SLIP",)}, "has the unit '%'; set obd.broadcast.speed_unit"),
     ],
 )
-def test_the_error_for_a_wrong_name_lists_the_existing_ones(dbc, more, named):
+def test_the_error_for_a_wrong_name_lists_the_existing_ones(
+    dbc: Path, more: Any, named: str
+) -> None:
     with pytest.raises(UserError) as raised:
         bus_of(settings(dbc, **more))
     assert named in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
-def test_a_missing_or_broken_file_is_an_error_of_one_line(tmp_path):
+def test_a_missing_or_broken_file_is_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"nowhere\.dbc: cannot be read: No such file"):
         bus_of(settings(tmp_path / "nowhere.dbc"))
     broken = tmp_path / "broken.dbc"
@@ -310,12 +319,14 @@ VAL_ 601 NOWHERE 1 "on" ;
         {"speed": ("MULTIPLEXED.SPEED",)},
     ],
 )
-def test_faults_in_other_declarations_do_not_matter(dbc, names):
+def test_faults_in_other_declarations_do_not_matter(
+    dbc: Path, names: dict[str, str | tuple[str, str]] | dict[str, str] | dict[str, tuple[str]]
+) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     read_signals(BroadcastSettings(dbc=dbc, **names))
 
 
-def test_a_value_is_the_same_beside_faults(dbc):
+def test_a_value_is_the_same_beside_faults(dbc: Path) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     bus = bus_of(settings(dbc, speed=("NO_RANGES.FLOAT",)))
     assert received(bus, frame(2.0, "NO_RANGES", FLOAT=36.0))[0].speed_m_s == pytest.approx(10.0)
@@ -329,13 +340,13 @@ def test_a_value_is_the_same_beside_faults(dbc):
     ("name", "fault"),
     [("TOO_LONG.A", "does not fit"), ("NO_STANDARD_ID.A", "more than 11 bits")],
 )
-def test_a_fault_in_a_named_signal_is_an_error(dbc, name, fault):
+def test_a_fault_in_a_named_signal_is_an_error(dbc: Path, name: str, fault: str) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     with pytest.raises(UserError, match=rf"car\.dbc: .*{fault}"):
         read_signals(BroadcastSettings(dbc=dbc, brake_pedal=name))
 
 
-def test_two_named_signals_that_overlap_are_an_error(dbc):
+def test_two_named_signals_that_overlap_are_an_error(dbc: Path) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     with pytest.raises(UserError, match="signals B and A are overlapping"):
         read_signals(BroadcastSettings(dbc=dbc, brake_pedal="OVERLAPS.A", abs="OVERLAPS.B"))

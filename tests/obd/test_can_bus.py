@@ -3,6 +3,9 @@
 import asyncio
 import contextlib
 import socket
+from collections.abc import Awaitable, Callable, Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 from pydantic import ValidationError
@@ -11,7 +14,7 @@ from onboard.obd.can_bus import CanBus, CanBusError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
-from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Ecu
+from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Addresses, Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 
 ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000"))
@@ -20,22 +23,24 @@ ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32
 class Server:
     """The server's side of socketcand; the test writes the frames of the bus."""
 
-    def __init__(self, greeting=b"< hi >", answers=(b"< ok >", b"< ok >")):
+    def __init__(
+        self, greeting: bytes = b"< hi >", answers: tuple[bytes, ...] = (b"< ok >", b"< ok >")
+    ) -> None:
         self.greeting, self.answers = greeting, answers
         self.received: asyncio.Queue[bytes] = asyncio.Queue()
         self.clients: asyncio.Queue[asyncio.StreamWriter] = asyncio.Queue()
 
-    async def __aenter__(self):
+    async def __aenter__(self) -> "Server":
         self.server = await asyncio.start_server(self.serve, "127.0.0.1", 0)
         self.port = self.server.sockets[0].getsockname()[1]
         return self
 
-    async def __aexit__(self, *_):
+    async def __aexit__(self, *_: None) -> None:
         self.server.close()
         while not self.clients.empty():
             self.clients.get_nowait().close()
 
-    async def serve(self, reader, writer):
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(self.greeting)
         with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError):
             for answer in self.answers:
@@ -50,12 +55,12 @@ class Server:
 class Callbacks:
     """Collects the callbacks of a bus."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.frames: asyncio.Queue[CanFrame] = asyncio.Queue()
         self.states: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
         self.discarded = []
 
-    def bus(self, port, **more):
+    def bus(self, port: int, **more) -> CanBus:
         settings = CanSettings(interface="socketcand", channel="can0", port=port, **more)
         return CanBus(
             settings,
@@ -65,23 +70,26 @@ class Callbacks:
         )
 
 
-async def open_in_thread(bus):
+async def open_in_thread(bus: CanBus) -> None:
     """Open in a thread: opening blocks, and the server runs on the same loop."""
     opened = await asyncio.to_thread(bus._open)
     bus._loop = asyncio.get_running_loop()
     bus._attach(opened)
 
 
-def soon(awaitable):
+T = TypeVar("T")
+
+
+def soon(awaitable: Awaitable[T]) -> Coroutine[Any, Any, T]:
     return asyncio.wait_for(awaitable, timeout=10)
 
 
-def on_a_loop(scenario):
+def on_a_loop(scenario: Callable[..., None]) -> None:
     asyncio.run(asyncio.wait_for(scenario(), timeout=30))
 
 
-def test_frames_are_received_unchanged_and_requests_are_sent():
-    async def scenario():
+def test_frames_are_received_unchanged_and_requests_are_sent() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -102,8 +110,8 @@ def test_frames_are_received_unchanged_and_requests_are_sent():
     on_a_loop(scenario)
 
 
-def test_a_frame_split_by_tcp_is_reassembled():
-    async def scenario():
+def test_a_frame_split_by_tcp_is_reassembled() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -119,8 +127,8 @@ def test_a_frame_split_by_tcp_is_reassembled():
     on_a_loop(scenario)
 
 
-def test_garbage_is_counted_and_reading_continues():
-    async def scenario():
+def test_garbage_is_counted_and_reading_continues() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -137,8 +145,8 @@ def test_garbage_is_counted_and_reading_continues():
     on_a_loop(scenario)
 
 
-def test_many_frames_are_delivered_completely_and_in_order():
-    async def scenario():
+def test_many_frames_are_delivered_completely_and_in_order() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -154,8 +162,8 @@ def test_many_frames_are_delivered_completely_and_in_order():
     on_a_loop(scenario)
 
 
-def test_a_lost_server_is_reported_at_once_and_reconnected():
-    async def scenario():
+def test_a_lost_server_is_reported_at_once_and_reconnected() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -173,8 +181,8 @@ def test_a_lost_server_is_reported_at_once_and_reconnected():
     on_a_loop(scenario)
 
 
-def test_a_bus_that_is_closed_while_it_reconnects_stays_closed():
-    async def scenario():
+def test_a_bus_that_is_closed_while_it_reconnects_stays_closed() -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -187,8 +195,8 @@ def test_a_bus_that_is_closed_while_it_reconnects_stays_closed():
     on_a_loop(scenario)
 
 
-def test_a_connection_opened_after_close_is_closed(caplog):
-    async def scenario():
+def test_a_connection_opened_after_close_is_closed(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario() -> None:
         callbacks = Callbacks()
         async with Server() as server:
             bus = callbacks.bus(server.port)
@@ -214,10 +222,12 @@ def test_a_connection_opened_after_close_is_closed(caplog):
         (b"", (), "timed out"),
     ],
 )
-def test_a_server_of_another_protocol_is_an_error_of_one_line(greeting, answers, why, monkeypatch):
+def test_a_server_of_another_protocol_is_an_error_of_one_line(
+    greeting: bytes, answers: tuple[bytes, ...], why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("onboard.obd.can_bus.CONNECT_TIMEOUT_S", 0.3)
 
-    async def scenario():
+    async def scenario() -> None:
         async with Server(greeting, answers) as server:
             with pytest.raises(CanBusError) as raised:
                 await open_in_thread(Callbacks().bus(server.port))
@@ -228,19 +238,19 @@ def test_a_server_of_another_protocol_is_an_error_of_one_line(greeting, answers,
     on_a_loop(scenario)
 
 
-def test_a_missing_server_is_an_error_of_one_line():
+def test_a_missing_server_is_an_error_of_one_line() -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
 
-    async def scenario():
+    async def scenario() -> None:
         with pytest.raises(CanBusError, match=r"cannot be opened: Connection refused$"):
             Callbacks().bus(port).start(asyncio.get_running_loop())
 
     on_a_loop(scenario)
 
 
-def test_a_missing_interface_is_an_error_of_one_line():
-    async def scenario():
+def test_a_missing_interface_is_an_error_of_one_line() -> None:
+    async def scenario() -> None:
         bus = CanBus(CanSettings(interface="socketcan", channel="can77"), print, print)
         with pytest.raises(CanBusError, match=r"^CAN bus can77 cannot be opened: .+$"):
             bus.start(asyncio.get_running_loop())
@@ -249,10 +259,10 @@ def test_a_missing_interface_is_an_error_of_one_line():
 
 
 @pytest.mark.parametrize("addresses", [ENGINE_11_BIT, ENGINE_29_BIT])
-def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses):
+def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses: Addresses) -> None:
     """The daemon's loop in small: the bus, the core and a clock."""
 
-    async def scenario():
+    async def scenario() -> None:
         ecu = Ecu(lambda now: 50 / 3.6, addresses=addresses)
         server = SocketcandServer(ecu, "can0", lambda frame: None)
         port = await server.start()
@@ -277,11 +287,11 @@ def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses):
     on_a_loop(scenario)
 
 
-def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(tmp_path):
+def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
     path.write_text("(10.0) can0 100#\n(10.05) can0 101#\n(10.1) can0 102#\n", encoding="ascii")
 
-    async def scenario():
+    async def scenario() -> None:
         callbacks = Callbacks()
         settings = CanSettings(interface="log", file=path)
         bus = CanBus(
@@ -302,6 +312,6 @@ def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(tmp_path):
 @pytest.mark.parametrize(
     "wrong", [{"interface": "log"}, {"interface": "socketcan", "file": "a.log"}, {"port": 0}]
 )
-def test_impossible_settings_are_refused(wrong):
+def test_impossible_settings_are_refused(wrong: dict[str, int | str]) -> None:
     with pytest.raises(ValidationError):
         CanSettings.model_validate(wrong, strict=False)

@@ -1,6 +1,8 @@
 """Recordings of a CAN bus: every format gives the same frames, with absolute stamps if stated."""
 
 import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import can
 import pytest
@@ -16,8 +18,8 @@ FRAMES = [
 
 
 @pytest.fixture(name="recording")
-def _recording(tmp_path):
-    def write(name):
+def _recording(tmp_path: Path) -> Callable[..., Path]:
+    def write(name: str) -> Path:
         path = tmp_path / name
         with can.Logger(path) as log:
             for frame in FRAMES:
@@ -36,7 +38,9 @@ def _recording(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.log", "a.asc", "a.blf", "a.trc", "a.csv", "a.db", "a.log.gz"])
-def test_a_recording_in_any_format_gives_its_frames(recording, name):
+def test_a_recording_in_any_format_gives_its_frames(
+    recording: Callable[..., Path], name: str
+) -> None:
     frames = list(read_can_log(recording(name)))
     assert [(f.arbitration_id, f.is_extended_id, f.data) for f in frames] == [
         (f.arbitration_id, f.is_extended_id, f.data) for f in FRAMES
@@ -45,7 +49,7 @@ def test_a_recording_in_any_format_gives_its_frames(recording, name):
     assert steps == pytest.approx([0.0, 0.05, 0.1], abs=1e-3)
 
 
-def test_one_channel_of_a_recording(tmp_path):
+def test_one_channel_of_a_recording(tmp_path: Path) -> None:
     path = tmp_path / "two.log"
     path.write_text("(1.0) can0 100#00\n(1.1) can1 101#00\n(1.2) can0 102#00\n", encoding="ascii")
     assert [f.arbitration_id for f in read_can_log(path)] == [0x100, 0x101, 0x102]
@@ -53,7 +57,7 @@ def test_one_channel_of_a_recording(tmp_path):
 
 
 @pytest.mark.parametrize("stamp", ["nan", "-inf", "inf", "1e300"])
-def test_a_frame_whose_stamp_is_no_time_is_discarded(tmp_path, stamp):
+def test_a_frame_whose_stamp_is_no_time_is_discarded(tmp_path: Path, stamp: str) -> None:
     path = tmp_path / "odd.log"
     path.write_text(f"({stamp}) can0 100#00\n(1.2) can0 102#00\n", encoding="ascii")
     discarded = []
@@ -62,14 +66,14 @@ def test_a_frame_whose_stamp_is_no_time_is_discarded(tmp_path, stamp):
     assert [(each.stamp_s, each.reason) for each in discarded] == [(0.0, "log_line")]
 
 
-def test_a_damaged_archive_is_refused_with_a_reason(tmp_path):
+def test_a_damaged_archive_is_refused_with_a_reason(tmp_path: Path) -> None:
     path = tmp_path / "odd.log.gz"
     path.write_bytes(b"\x1f\x8b" + bytes(30))
     with pytest.raises(CanLogError, match=r"odd\.log\.gz: cannot be read: \w+ \w+"):
         list(read_can_log(path))
 
 
-def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path):
+def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path: Path) -> None:
     path = tmp_path / "bad.log"
     path.write_text(
         "(1.0) can0 7E8#03410D32\nnonsense\n(1.1) can0 ZZZ#00\n(1.2) can0 100#R8\n"
@@ -105,7 +109,9 @@ def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path):
         ("a.log.gz", b"not gzip", "cannot be read"),
     ],
 )
-def test_a_file_that_is_no_recording_is_an_error_of_one_line(tmp_path, name, content, why):
+def test_a_file_that_is_no_recording_is_an_error_of_one_line(
+    tmp_path: Path, name: str, content: bytes | None, why: str
+) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -119,7 +125,9 @@ def test_a_file_that_is_no_recording_is_an_error_of_one_line(tmp_path, name, con
 @pytest.mark.parametrize(
     ("written", "name"), [("a.log", "a.txt"), ("b.log", "b"), ("c.blf", "c.log"), ("d.asc", "d")]
 )
-def test_a_recording_without_its_ending_is_recognised_by_its_content(recording, written, name):
+def test_a_recording_without_its_ending_is_recognised_by_its_content(
+    recording: Callable[..., Path], written: str, name: str
+) -> None:
     path = recording(written)
     assert [f.data for f in read_can_log(path.rename(path.with_name(name)))] == [
         f.data for f in FRAMES
@@ -127,7 +135,7 @@ def test_a_recording_without_its_ending_is_recognised_by_its_content(recording, 
 
 
 @pytest.fixture
-def far_from_utc(monkeypatch):
+def far_from_utc(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Time zone in which ASC files and `candump -tA` are written and read."""
     monkeypatch.setenv("TZ", "XXX-05:30")
     time.tzset()
@@ -136,7 +144,7 @@ def far_from_utc(monkeypatch):
     time.tzset()
 
 
-def test_asc_stamps_count_from_its_date(tmp_path, far_from_utc):
+def test_asc_stamps_count_from_its_date(tmp_path: Path, far_from_utc: None) -> None:
     path = tmp_path / "a.asc"
     begin_s = 1_627_274_999.25
     with can.Logger(path) as log:
@@ -151,7 +159,7 @@ def test_asc_stamps_count_from_its_date(tmp_path, far_from_utc):
     "stamps", [("1627274999.500000", "1627275000.000000"), ("000.000000", "000.500000")]
 )
 @pytest.mark.parametrize("flags", ["", "  RX - -"])
-def test_lines_as_candump_prints_them(tmp_path, stamps, flags):
+def test_lines_as_candump_prints_them(tmp_path: Path, stamps: tuple[str, str], flags: str) -> None:
     path = tmp_path / "a.txt"
     first, second = stamps
     path.write_text(
@@ -173,7 +181,7 @@ def test_lines_as_candump_prints_them(tmp_path, stamps, flags):
     assert [f.arbitration_id for f in read_can_log(path, "can1")] == [0x100]
 
 
-def test_the_date_that_candump_prints_is_local_time(tmp_path, far_from_utc):
+def test_the_date_that_candump_prints_is_local_time(tmp_path: Path, far_from_utc: None) -> None:
     path = tmp_path / "a.txt"
     path.write_text(" (2021-07-26 10:19:59.500000)  can0  7E8   [2]  03 41\n")
     assert [frame.stamp_s for frame in read_can_log(path)] == [1_627_274_999.5]

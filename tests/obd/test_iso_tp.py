@@ -42,14 +42,18 @@ def units_of(payload: bytes) -> list:
     return [decode(frame) for frame in sent]
 
 
-def receive(units, start=0.0, step=0.01):
+def receive(
+    units: list[ConsecutiveFrame | FirstFrame | FlowControl | SingleFrame],
+    start: float = 0.0,
+    step: float = 0.01,
+) -> list[Aborted | Message]:
     reassembly = Reassembly()
     for n, unit in enumerate(units):
         reassembly.receive_pdu(unit, start + n * step)
     return events_of(reassembly)
 
 
-def events_of(reassembly):
+def events_of(reassembly: Reassembly) -> list[Aborted | Message]:
     events = []
     while (event := reassembly.next_event()) is not None:
         events.append(event)
@@ -57,53 +61,53 @@ def events_of(reassembly):
 
 
 @given(payload=st.binary(min_size=1, max_size=300) | st.binary(min_size=4090, max_size=4095))
-def test_messages_of_another_implementation_are_reassembled(payload):
+def test_messages_of_another_implementation_are_reassembled(payload: bytes) -> None:
     assert receive(units_of(payload)) == [Message(payload)]
 
 
-def test_a_single_frame_is_a_message():
+def test_a_single_frame_is_a_message() -> None:
     assert receive([SingleFrame(b"\x41\x0d\x32")]) == [Message(b"\x41\x0d\x32")]
 
 
-def test_flow_control_is_the_other_direction_and_changes_nothing():
+def test_flow_control_is_the_other_direction_and_changes_nothing() -> None:
     first, *others = units_of(VIN)
     assert receive([GO_ON, first, GO_ON, *others]) == [Message(VIN)]
 
 
-def test_a_lost_frame_aborts_the_message():
+def test_a_lost_frame_aborts_the_message() -> None:
     first, _, last = units_of(VIN)
     assert receive([first, last]) == [
         Aborted("n_wrong_sn", "got 2, expected 1, after 6 of 20 bytes")
     ]
 
 
-def test_after_a_lost_frame_the_next_message_is_read():
+def test_after_a_lost_frame_the_next_message_is_read() -> None:
     first, second, third = units_of(VIN)
     assert receive([first, third, first, second, third])[-1] == Message(VIN)
 
 
-def test_a_duplicated_frame_aborts_the_message():
+def test_a_duplicated_frame_aborts_the_message() -> None:
     first, second, third = units_of(VIN)
     aborted, stray = receive([first, second, second, third])
     assert aborted.reason == "n_wrong_sn"
     assert stray.reason == "unexpected_consecutive_frame"
 
 
-def test_a_consecutive_frame_without_a_first_frame_is_discarded():
+def test_a_consecutive_frame_without_a_first_frame_is_discarded() -> None:
     assert receive([ConsecutiveFrame(1, b"1234567")]) == [
         Aborted("unexpected_consecutive_frame", "no message is being received")
     ]
 
 
 @pytest.mark.parametrize("interrupter", [SingleFrame(b"new"), FirstFrame(20, VIN[:6])])
-def test_a_new_message_aborts_the_old_one(interrupter):
+def test_a_new_message_aborts_the_old_one(interrupter: FirstFrame | SingleFrame) -> None:
     first, second, third = units_of(VIN)
     aborted, message = receive([first, interrupter, second, third])[:2]
     assert aborted == Aborted("n_unexp_pdu", "after 6 of 20 bytes")
     assert isinstance(message, Message)
 
 
-def test_only_the_last_frame_may_be_short():
+def test_only_the_last_frame_may_be_short() -> None:
     first, second, third = units_of(VIN)
     short = ConsecutiveFrame(1, second.data[:6])
     assert receive([first, short])[0].reason == "consecutive_frame_length"
@@ -111,7 +115,7 @@ def test_only_the_last_frame_may_be_short():
     assert receive([first, second, unpadded]) == [Message(VIN)]
 
 
-def test_a_message_is_aborted_after_n_cr():
+def test_a_message_is_aborted_after_n_cr() -> None:
     reassembly = Reassembly(n_cr_s=1.0)
     first, second, third = units_of(VIN)
     assert reassembly.get_timer() == math.inf
@@ -128,14 +132,14 @@ def test_a_message_is_aborted_after_n_cr():
     assert [event.reason for event in events_of(reassembly)] == ["unexpected_consecutive_frame"]
 
 
-def test_n_cr_applies_without_a_served_timer():
+def test_n_cr_applies_without_a_served_timer() -> None:
     first, second, third = units_of(VIN)
     timeout, *strays = receive([first, second, third], step=1.5)
     assert timeout.reason == "n_timeout_cr"
     assert [stray.reason for stray in strays] == ["unexpected_consecutive_frame"] * 2
 
 
-def test_a_message_longer_than_any_response_is_not_started():
+def test_a_message_longer_than_any_response_is_not_started() -> None:
     assert receive([FirstFrame(5000, b"ab"), SingleFrame(b"x")]) == [
         Aborted("n_buffer_overflow", "FF_DL 5000"),
         Message(b"x"),
@@ -153,7 +157,9 @@ def test_a_message_longer_than_any_response_is_not_started():
         max_size=30,
     )
 )
-def test_any_order_of_units_gives_only_messages_of_the_announced_length(units):
+def test_any_order_of_units_gives_only_messages_of_the_announced_length(
+    units: list[ConsecutiveFrame | FirstFrame | FlowControl | SingleFrame],
+) -> None:
     lengths = {unit.length for unit in units if isinstance(unit, FirstFrame)}
     lengths |= {len(unit.data) for unit in units if isinstance(unit, SingleFrame)}
     messages = [event for event in receive(units) if isinstance(event, Message)]

@@ -32,7 +32,9 @@ BYTE = st.integers(0, 255)
         (FlowControl(FlowStatus.OVERFLOW, 0, 0xF3), "32 00 F3 CC CC CC CC CC"),
     ],
 )
-def test_each_unit_has_its_bytes(pdu, frame):
+def test_each_unit_has_its_bytes(
+    pdu: ConsecutiveFrame | FirstFrame | FlowControl | SingleFrame, frame: str
+) -> None:
     assert encode(pdu) == bytes.fromhex(frame)
     assert decode(bytes.fromhex(frame)) == pdu
 
@@ -46,11 +48,13 @@ def test_each_unit_has_its_bytes(pdu, frame):
         st.builds(FlowControl, st.sampled_from(FlowStatus), BYTE, BYTE),
     )
 )
-def test_every_unit_survives_the_bus(pdu):
+def test_every_unit_survives_the_bus(
+    pdu: ConsecutiveFrame | FirstFrame | FlowControl | SingleFrame,
+) -> None:
     assert decode(encode(pdu)) == pdu
 
 
-def test_a_frame_that_is_not_padded_is_read():
+def test_a_frame_that_is_not_padded_is_read() -> None:
     assert decode(bytes.fromhex("03 41 0D 32")) == SingleFrame(bytes.fromhex("41 0D 32"))
     assert decode(bytes.fromhex("30 00 00")) == FlowControl(FlowStatus.CONTINUE_TO_SEND, 0, 0)
 
@@ -73,14 +77,14 @@ def test_a_frame_that_is_not_padded_is_read():
         ("FF FF FF FF FF FF FF FF", "n_pci_type"),
     ],
 )
-def test_invalid_units_are_refused_with_their_reason(frame, reason):
+def test_invalid_units_are_refused_with_their_reason(frame: str, reason: str) -> None:
     with pytest.raises(NPduError) as refused:
         decode(bytes.fromhex(frame))
     assert refused.value.reason == reason
 
 
 @given(st.binary(max_size=12))
-def test_any_bytes_are_a_unit_or_refused(frame):
+def test_any_bytes_are_a_unit_or_refused(frame: bytes) -> None:
     try:
         pdu = decode(frame)
     except NPduError:

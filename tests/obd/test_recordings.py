@@ -3,13 +3,16 @@
 import csv
 from collections import Counter
 from functools import cache
+from pathlib import Path
 
 import can
 import isotp
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from onboard.kinematics.units import KM_H
+from onboard.obd.can_frame import CanFrame
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
@@ -22,11 +25,11 @@ LISTENING = ObdSettings(polling_hz=None)
 
 
 @cache
-def frames_of(path):
+def frames_of(path: Path) -> list[CanFrame]:
     return list(read_can_log(path))
 
 
-def events_of(path, settings=LISTENING):
+def events_of(path: Path, settings: ObdSettings = LISTENING) -> list[Speed]:
     bus = VehicleBus(settings, read_signals(settings.broadcast))
     events = []
     for frame in frames_of(path):
@@ -36,13 +39,13 @@ def events_of(path, settings=LISTENING):
     return events
 
 
-def columns(path, *names):
+def columns(path: Path, *names: str) -> list[NDArray[np.float64]]:
     with path.open(encoding="ascii") as file:
         rows = list(csv.DictReader(file))
     return [np.array([float(row[name]) for row in rows]) for name in names]
 
 
-def test_drive_a_gives_every_speed_at_its_stamp(rig_data):
+def test_drive_a_gives_every_speed_at_its_stamp(rig_data: Path) -> None:
     stamps, km_h = columns(rig_data / "can" / "drive-a-obd-speed-kmh.csv", "t", "obd_kmh")
     speeds = events_of(rig_data / "can" / "drive-a.log")
     assert {type(event) for event in speeds} == {Speed}
@@ -50,7 +53,7 @@ def test_drive_a_gives_every_speed_at_its_stamp(rig_data):
     assert [speed.speed_m_s / KM_H for speed in speeds] == pytest.approx(km_h.tolist())
 
 
-def test_drive_a_agrees_with_the_gnss_receiver(rig_data):
+def test_drive_a_agrees_with_the_gnss_receiver(rig_data: Path) -> None:
     stamps, truth_m_s = columns(rig_data / "can" / "drive-a-gnss-speed-mps.csv", "t", "gnss_mps")
     speeds = events_of(rig_data / "can" / "drive-a.log")
     ours = np.interp(stamps - 0.4, [s.stamp_s for s in speeds], [s.speed_m_s for s in speeds])
@@ -62,13 +65,13 @@ def test_drive_a_agrees_with_the_gnss_receiver(rig_data):
     ("drive", "speeds"),
     [("drive-a", 1203), ("drive-b-requests-and-answers", 273), ("drive-c", 1090)],
 )
-def test_real_drives_have_no_false_hard_braking_and_no_error(rig_data, drive, speeds):
+def test_real_drives_have_no_false_hard_braking_and_no_error(rig_data: Path, drive, speeds) -> None:
     """The hardest braking in them is 0.23 g, by the speeds themselves."""
     kinds = Counter(type(event) for event in events_of(rig_data / "can" / f"{drive}.log"))
     assert kinds == {Speed: speeds}
 
 
-def test_a_real_drive_has_hard_braking_above_a_low_threshold(rig_data):
+def test_a_real_drive_has_hard_braking_above_a_low_threshold(rig_data: Path) -> None:
     sensitive = ObdSettings(polling_hz=None, hard_brake_threshold_g=0.1)
     alarms = [
         event
@@ -79,12 +82,12 @@ def test_a_real_drive_has_hard_braking_above_a_low_threshold(rig_data):
     assert all(alarm.deceleration_m_s2 < 3.0 for alarm in alarms)
 
 
-def test_a_bus_without_obd_has_no_speed(rig_data):
+def test_a_bus_without_obd_has_no_speed(rig_data: Path) -> None:
     assert events_of(rig_data / "can" / "no-obd.log") == []
 
 
 @pytest.mark.parametrize("drive", ["drive-a", "drive-b-requests-and-answers", "drive-c"])
-def test_messages_are_those_that_can_isotp_reads(rig_data, drive):
+def test_messages_are_those_that_can_isotp_reads(rig_data: Path, drive: str) -> None:
     """Both read all messages of the ECU in the whole drive."""
     frames = [
         frame
@@ -109,7 +112,7 @@ def test_messages_are_those_that_can_isotp_reads(rig_data, drive):
     assert [round(speed.speed_m_s / KM_H) for speed in ours] == speeds
 
 
-def test_a_broadcast_speed_is_read_by_its_name(rig_data):
+def test_a_broadcast_speed_is_read_by_its_name(rig_data: Path) -> None:
     """The GNSS box on the second bus of the drive, by its maker's DBC file."""
     settings = ObdSettings(
         polling_hz=None,
@@ -130,7 +133,9 @@ def test_a_broadcast_speed_is_read_by_its_name(rig_data):
 
 @pytest.mark.long
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc"])
-def test_a_real_drive_gives_the_same_in_other_formats(rig_data, tmp_path, suffix):
+def test_a_real_drive_gives_the_same_in_other_formats(
+    rig_data: Path, tmp_path: Path, suffix
+) -> None:
     source = rig_data / "can" / "drive-a.log"
     messages = [m for m in can.LogReader(source) if m.arbitration_id == 0x7E8][:2000]
     path = tmp_path / f"drive{suffix}"
@@ -143,7 +148,7 @@ def test_a_real_drive_gives_the_same_in_other_formats(rig_data, tmp_path, suffix
     assert len(written) > 300
 
 
-def test_a_drive_with_damaged_lines_loses_only_those(rig_data, tmp_path):
+def test_a_drive_with_damaged_lines_loses_only_those(rig_data: Path, tmp_path: Path) -> None:
     lines = (rig_data / "can" / "drive-a.log").read_text(encoding="ascii").splitlines()
     answers = [line for line in lines if " 7E8#" in line]
     damaged = [line[:20] if n % 10 == 0 else line for n, line in enumerate(answers)]

@@ -12,11 +12,11 @@ ASK_BITMAP, ASK_SPEED = Request(0x00, is_extended_id=False), Request(0x0D, is_ex
 ASK_BITMAP_29, ASK_SPEED_29 = Request(0x00, is_extended_id=True), Request(0x0D, is_extended_id=True)
 
 
-def new_tester(identifiers=(False, True)):
+def new_tester(identifiers: tuple[bool, ...] = (False, True)) -> RequestScheduler:
     return RequestScheduler(polling_hz=20, identifiers=identifiers)
 
 
-def polling_tester(now=10.0):
+def polling_tester(now: float = 10.0) -> RequestScheduler:
     scheduler = new_tester()
     scheduler.requests_to_send(now)
     scheduler.receive_response(SPEED, now, is_extended_id=False)
@@ -24,7 +24,12 @@ def polling_tester(now=10.0):
     return scheduler
 
 
-def run(scheduler, start, end, answer=None):
+def run(
+    scheduler: RequestScheduler,
+    start: float,
+    end: float,
+    answer: NegativeResponse | PositiveResponse | None = None,
+) -> list[tuple[float, Request]]:
     """Serve the timer from `start` to `end`; `answer` follows each request after 4 ms."""
     sent = []
     while (now := max(start, scheduler.get_timer())) < end:
@@ -37,7 +42,7 @@ def run(scheduler, start, end, answer=None):
     return sent
 
 
-def test_searching_alternates_bitmap_and_speed_with_both_identifiers():
+def test_searching_alternates_bitmap_and_speed_with_both_identifiers() -> None:
     assert run(new_tester(), 5.0, 6.2) == [
         (5.0, ASK_BITMAP),
         (5.25, ASK_SPEED),
@@ -47,16 +52,16 @@ def test_searching_alternates_bitmap_and_speed_with_both_identifiers():
     ]
 
 
-def test_searching_uses_only_the_configured_identifiers():
+def test_searching_uses_only_the_configured_identifiers() -> None:
     sent = run(new_tester(identifiers=(True,)), 5.0, 6.0)
     assert {request.is_extended_id for _, request in sent} == {True}
 
 
-def test_a_silent_bus_is_not_flooded():
+def test_a_silent_bus_is_not_flooded() -> None:
     assert len(run(new_tester(), 0.0, 60.0)) <= 240
 
 
-def test_after_a_bitmap_with_the_speed_it_is_requested_after_p2():
+def test_after_a_bitmap_with_the_speed_it_is_requested_after_p2() -> None:
     scheduler = new_tester()
     assert scheduler.requests_to_send(5.0) == [ASK_BITMAP]
     scheduler.receive_response(BITMAP_WITH_SPEED, 5.004, is_extended_id=False)
@@ -65,14 +70,14 @@ def test_after_a_bitmap_with_the_speed_it_is_requested_after_p2():
     assert scheduler.requests_to_send(5.05) == [ASK_SPEED]
 
 
-def test_a_bitmap_without_the_speed_changes_nothing():
+def test_a_bitmap_without_the_speed_changes_nothing() -> None:
     scheduler = new_tester()
     scheduler.requests_to_send(5.0)
     scheduler.receive_response(BITMAP_WITHOUT_SPEED, 5.004, is_extended_id=False)
     assert scheduler.get_timer() == pytest.approx(5.25)
 
 
-def test_from_the_first_speed_on_it_is_polled_at_the_configured_rate():
+def test_from_the_first_speed_on_it_is_polled_at_the_configured_rate() -> None:
     scheduler = new_tester()
     sent = run(scheduler, 5.0, 6.0, answer=SPEED)
     assert scheduler.phase is Phase.POLLING
@@ -82,20 +87,20 @@ def test_from_the_first_speed_on_it_is_polled_at_the_configured_rate():
     assert 18 <= len(sent) <= 20
 
 
-def test_polling_uses_the_identifiers_that_the_speed_came_with():
+def test_polling_uses_the_identifiers_that_the_speed_came_with() -> None:
     scheduler = new_tester()
     scheduler.requests_to_send(5.0)
     scheduler.receive_response(SPEED, 5.1, is_extended_id=True)
     assert run(scheduler, 5.1, 5.16) == [(5.15, ASK_SPEED_29)]
 
 
-def test_a_speed_requested_by_another_tester_counts():
+def test_a_speed_requested_by_another_tester_counts() -> None:
     scheduler = new_tester()
     scheduler.receive_response(SPEED, 5.0, is_extended_id=False)
     assert scheduler.phase is Phase.POLLING
 
 
-def test_after_a_second_of_unanswered_requests_it_searches_again():
+def test_after_a_second_of_unanswered_requests_it_searches_again() -> None:
     scheduler = polling_tester(10.0)
     sent = run(scheduler, 10.0, 13.0)
     assert scheduler.phase is Phase.SEARCHING
@@ -105,7 +110,7 @@ def test_after_a_second_of_unanswered_requests_it_searches_again():
     assert len(searched) <= 9
 
 
-def test_negative_responses_do_not_start_polling():
+def test_negative_responses_do_not_start_polling() -> None:
     scheduler = new_tester()
     run(scheduler, 0.0, 10.0, answer=NegativeResponse(0x12))
     assert scheduler.phase is Phase.SEARCHING
@@ -114,14 +119,14 @@ def test_negative_responses_do_not_start_polling():
     assert scheduler.phase is Phase.SEARCHING
 
 
-def test_an_ecu_that_responds_again_is_polled_within_a_search():
+def test_an_ecu_that_responds_again_is_polled_within_a_search() -> None:
     scheduler = polling_tester(10.0)
     run(scheduler, 10.0, 20.0)
     run(scheduler, 20.0, 21.1, answer=SPEED)
     assert scheduler.phase is Phase.POLLING
 
 
-def test_response_pending_delays_the_next_request():
+def test_response_pending_delays_the_next_request() -> None:
     scheduler = polling_tester(10.0)
     assert scheduler.requests_to_send(10.05) == [ASK_SPEED]
     scheduler.receive_response(NegativeResponse(0x78), 10.06, is_extended_id=False)
@@ -129,7 +134,7 @@ def test_response_pending_delays_the_next_request():
     assert scheduler.requests_to_send(10.10) == []
 
 
-def test_polling_continues_with_the_response_after_response_pending():
+def test_polling_continues_with_the_response_after_response_pending() -> None:
     scheduler = polling_tester(10.0)
     scheduler.requests_to_send(10.05)
     scheduler.receive_response(NegativeResponse(0x78), 10.06, is_extended_id=False)
@@ -138,7 +143,7 @@ def test_polling_continues_with_the_response_after_response_pending():
     assert scheduler.phase is Phase.POLLING
 
 
-def test_polling_continues_with_a_negative_response_after_response_pending():
+def test_polling_continues_with_a_negative_response_after_response_pending() -> None:
     scheduler = polling_tester(10.0)
     scheduler.requests_to_send(10.05)
     scheduler.receive_response(NegativeResponse(0x78), 10.06, is_extended_id=False)
@@ -147,7 +152,7 @@ def test_polling_continues_with_a_negative_response_after_response_pending():
     assert scheduler.phase is Phase.POLLING
 
 
-def test_an_unanswered_request_after_response_pending_ends_in_searching():
+def test_an_unanswered_request_after_response_pending_ends_in_searching() -> None:
     scheduler = polling_tester(10.0)
     scheduler.requests_to_send(10.05)
     scheduler.receive_response(NegativeResponse(0x78), 10.06, is_extended_id=False)
@@ -155,7 +160,7 @@ def test_an_unanswered_request_after_response_pending_ends_in_searching():
     assert scheduler.phase is Phase.SEARCHING
 
 
-def test_response_pending_without_a_request_changes_nothing():
+def test_response_pending_without_a_request_changes_nothing() -> None:
     scheduler = polling_tester(10.0)
     scheduler.requests_to_send(10.05)
     scheduler.receive_response(SPEED, 10.055, is_extended_id=False)
@@ -163,7 +168,7 @@ def test_response_pending_without_a_request_changes_nothing():
     assert scheduler.get_timer() == pytest.approx(10.1)
 
 
-def test_a_request_is_unanswered_until_its_response():
+def test_a_request_is_unanswered_until_its_response() -> None:
     scheduler = polling_tester(10.0)
     scheduler.requests_to_send(10.05)
     assert scheduler.unanswered_request == ASK_SPEED
@@ -173,14 +178,14 @@ def test_a_request_is_unanswered_until_its_response():
     assert scheduler.unanswered_request is None
 
 
-def test_requests_do_not_pile_up_after_a_pause():
+def test_requests_do_not_pile_up_after_a_pause() -> None:
     scheduler = polling_tester(10.0)
     scheduler.receive_response(SPEED, 12.0, is_extended_id=False)
     assert scheduler.requests_to_send(12.0) == [ASK_SPEED]
     assert scheduler.requests_to_send(12.01) == []
 
 
-def test_no_request_is_sent_while_there_is_a_better_source():
+def test_no_request_is_sent_while_there_is_a_better_source() -> None:
     scheduler = polling_tester(10.0)
     scheduler.pause_until(10.5)
     assert scheduler.requests_to_send(10.4) == []

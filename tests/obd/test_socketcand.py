@@ -24,12 +24,12 @@ MESSAGES = st.one_of(
 )
 
 
-def essence(message):
+def essence(message: can.Message) -> tuple[int, bool, bytes]:
     return message.arbitration_id, message.is_extended_id, bytes(message.data)
 
 
 @given(MESSAGES, st.sampled_from(["", " "]))
-def test_elements_are_parsed_as_by_python_can(message, between):
+def test_elements_are_parsed_as_by_python_can(message: can.Message, between: str) -> None:
     digits = 8 if message.is_extended_id else 3
     data = between.join(f"{byte:02X}" for byte in message.data)
     element = f"< frame {message.arbitration_id:0{digits}X} 1700000000.123456 {data} >"
@@ -41,8 +41,8 @@ def test_elements_are_parsed_as_by_python_can(message, between):
 
 
 @given(MESSAGES)
-def test_sent_elements_have_the_values_of_python_can(message):
-    def numbers(element):
+def test_sent_elements_have_the_values_of_python_can(message: can.Message) -> None:
+    def numbers(element: str) -> tuple[str, str, int, list[int], str]:
         head, command, identifier, *octets, tail = element.split()
         return head, command, len(identifier), [int(o, 16) for o in (identifier, *octets)], tail
 
@@ -50,7 +50,7 @@ def test_sent_elements_have_the_values_of_python_can(message):
     assert ours == numbers(theirs.convert_can_message_to_ascii_message(message))
 
 
-def test_a_frame_and_a_request_have_their_exact_text():
+def test_a_frame_and_a_request_have_their_exact_text() -> None:
     message = parse_element("< frame 7E8 23.424242 03410D32 ")
     assert essence(message) == (0x7E8, False, bytes.fromhex("03410D32"))
     request = can.Message(arbitration_id=0x18DB33F1, data=bytes.fromhex("02010D"))
@@ -58,7 +58,7 @@ def test_a_frame_and_a_request_have_their_exact_text():
 
 
 @pytest.mark.parametrize("element", ["< error 004 23.4242", "< ok", "< hi", "< stat 1 2"])
-def test_elements_without_a_data_frame_are_ignored(element):
+def test_elements_without_a_data_frame_are_ignored(element: str) -> None:
     assert parse_element(element) is None
 
 
@@ -78,13 +78,13 @@ def test_elements_without_a_data_frame_are_ignored(element):
         "\x00\xff< frame 7E8 1.0 00",
     ],
 )
-def test_garbage_is_a_protocol_error(element):
+def test_garbage_is_a_protocol_error(element: str) -> None:
     with pytest.raises(ProtocolError):
         parse_element(element)
 
 
 @given(st.text(max_size=60))
-def test_any_text_is_a_frame_or_not(text):
+def test_any_text_is_a_frame_or_not(text: str) -> None:
     for element in (text, "< frame " + text):
         try:
             message = parse_element(element)

@@ -1,6 +1,7 @@
 """The whole core: frames in, observations out, requests on the bus."""
 
 import math
+from collections.abc import Callable, Iterator
 
 import pytest
 from hypothesis import given
@@ -16,24 +17,26 @@ ENGINE, GEARBOX = 0x7E8, 0x7EA
 ENGINE_29, GEARBOX_29 = 0x18DAF110, 0x18DAF118
 
 
-def frame(stamp_s, identifier, data, is_extended_id=None):
+def frame(
+    stamp_s: float, identifier: int, data: str, is_extended_id: bool | None = None
+) -> CanFrame:
     if is_extended_id is None:
         is_extended_id = identifier > 0x7FF
     return CanFrame(stamp_s, identifier, is_extended_id, bytes.fromhex(data))
 
 
-def speed_frame(stamp_s, identifier, km_h):
+def speed_frame(stamp_s: float, identifier: int, km_h: int) -> CanFrame:
     return frame(stamp_s, identifier, f"03 41 0D {km_h:02X} 00 00 00 00")
 
 
-def events_of(bus):
+def events_of(bus: VehicleBus) -> list[Discarded | Speed]:
     events = []
     while (event := bus.next_event()) is not None:
         events.append(event)
     return events
 
 
-def received(*frames, settings=None):
+def received(*frames: CanFrame, settings: None = None) -> list[Discarded | Speed]:
     bus = VehicleBus(settings or ObdSettings())
     for each in frames:
         bus.receive_frame(each, each.stamp_s)
@@ -43,12 +46,14 @@ def received(*frames, settings=None):
 class Car:
     """A bus with ECUs that respond 5 ms after each functional request."""
 
-    def __init__(self, answers, settings=None):
+    def __init__(
+        self, answers: Callable[..., Iterator[CanFrame]], settings: ObdSettings | None = None
+    ) -> None:
         self.bus = VehicleBus(settings or ObdSettings())
         self.answers = answers
         self.sent = []
 
-    def drive(self, start, end):
+    def drive(self, start: float, end: float) -> list[Speed]:
         now = start
         while True:
             self.bus.handle_timer(now)
@@ -62,7 +67,7 @@ class Car:
             now = max(at, now)
 
 
-def engine(request, at, km_h=50):
+def engine(request: CanFrame, at: float, km_h: int = 50) -> Iterator[CanFrame]:
     """An ECU with 11-bit identifiers."""
     match request.arbitration_id, request.data[:3]:
         case 0x7DF, b"\x02\x01\x00":
@@ -71,14 +76,14 @@ def engine(request, at, km_h=50):
             yield speed_frame(at, ENGINE, km_h)
 
 
-def test_a_speed_carries_value_unit_stamp_and_source():
+def test_a_speed_carries_value_unit_stamp_and_source() -> None:
     assert received(speed_frame(1.25, ENGINE, 50)) == [
         Speed(stamp_s=1.25, speed_m_s=50 * KM_H, resolution_m_s=KM_H, source="obd:7E8")
     ]
     assert received(speed_frame(1.25, ENGINE_29, 255))[0].source == "obd:18DAF110"
 
 
-def test_requests_are_functional_single_frames_padded_to_eight_bytes():
+def test_requests_are_functional_single_frames_padded_to_eight_bytes() -> None:
     bus = VehicleBus(ObdSettings())
     requests = [bus.frames_to_send(now)[0] for now in (1.0, 1.25, 1.5, 1.75)]
     assert [(r.arbitration_id, r.is_extended_id) for r in requests] == [
@@ -92,14 +97,14 @@ def test_requests_are_functional_single_frames_padded_to_eight_bytes():
 
 
 @pytest.mark.parametrize("polling_hz", [10.0, 20.0])
-def test_an_ecu_that_responds_is_polled_at_the_configured_rate(polling_hz):
+def test_an_ecu_that_responds_is_polled_at_the_configured_rate(polling_hz: float) -> None:
     car = Car(engine, ObdSettings(polling_hz=polling_hz))
     speeds = car.drive(100.0, 110.0)
     assert {speed.source for speed in speeds} == {"obd:7E8"}
     assert len(speeds) == pytest.approx(10 * polling_hz, abs=3)
 
 
-def test_without_polling_no_request_is_sent():
+def test_without_polling_no_request_is_sent() -> None:
     bus = VehicleBus(ObdSettings(polling_hz=None))
     assert bus.get_timer() == math.inf
     assert bus.frames_to_send(1.0) == []
@@ -107,8 +112,8 @@ def test_without_polling_no_request_is_sent():
     assert len(events_of(bus)) == 1
 
 
-def test_ecus_with_29_bit_identifiers_are_found():
-    def answers(request, at):
+def test_ecus_with_29_bit_identifiers_are_found() -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.arbitration_id == 0x18DB33F1 and request.data[2] == 0x0D:
             yield speed_frame(at, ENGINE_29, 50)
 
@@ -119,8 +124,8 @@ def test_ecus_with_29_bit_identifiers_are_found():
     assert len(speeds) > 40
 
 
-def test_of_several_ecus_the_lowest_identifier_is_used():
-    def answers(request, at):
+def test_of_several_ecus_the_lowest_identifier_is_used() -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.data[2] == 0x0D and not request.is_extended_id:
             yield speed_frame(at, ENGINE, 50)
             yield speed_frame(at + 0.001, GEARBOX, 53)
@@ -130,8 +135,8 @@ def test_of_several_ecus_the_lowest_identifier_is_used():
     assert not any(isinstance(event, HardBrake) for event in speeds)
 
 
-def test_when_the_used_ecu_is_silent_for_a_second_the_next_one_is_used():
-    def answers(request, at):
+def test_when_the_used_ecu_is_silent_for_a_second_the_next_one_is_used() -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.data[2] == 0x0D and not request.is_extended_id:
             if at < 2.0:
                 yield speed_frame(at, ENGINE, 50)
@@ -147,8 +152,10 @@ def test_when_the_used_ecu_is_silent_for_a_second_the_next_one_is_used():
     ("gearbox_km_h", "causes"),
     [(0, [BrakeCause.COLLISION]), (53, []), (None, [BrakeCause.COLLISION])],
 )
-def test_a_speed_that_collapses_is_a_collision_unless_another_ecu_contradicts(gearbox_km_h, causes):
-    def answers(request, at):
+def test_a_speed_that_collapses_is_a_collision_unless_another_ecu_contradicts(
+    gearbox_km_h: int | None, causes: list[BrakeCause]
+) -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.data[2] == 0x0D and not request.is_extended_id:
             yield speed_frame(at, ENGINE, 50 if at < 3.0 else 0)
             if gearbox_km_h is not None:
@@ -158,8 +165,8 @@ def test_a_speed_that_collapses_is_a_collision_unless_another_ecu_contradicts(ge
     assert [event.cause for event in events if isinstance(event, HardBrake)] == causes
 
 
-def test_braking_ends_by_the_timer_when_the_bus_falls_silent():
-    def answers(request, at):
+def test_braking_ends_by_the_timer_when_the_bus_falls_silent() -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.data[2] == 0x0D and not request.is_extended_id and at < 3.0:
             yield speed_frame(at, ENGINE, round(100 - 28.8 * max(0.0, at - 2.0)))
 
@@ -170,13 +177,13 @@ def test_braking_ends_by_the_timer_when_the_bus_falls_silent():
     assert 4.0 < brakes[-1].stamp_s < 4.3
 
 
-def test_a_bus_without_ecus_gets_four_requests_a_second():
+def test_a_bus_without_ecus_gets_four_requests_a_second() -> None:
     car = Car(lambda request, at: ())
     assert car.drive(0.0, 10.0) == []
     assert len(car.sent) == 40
 
 
-def test_a_long_response_gets_flow_control_at_the_ecus_address():
+def test_a_long_response_gets_flow_control_at_the_ecus_address() -> None:
     bus = VehicleBus(ObdSettings(addressing="11-bit"))
     bus.frames_to_send(1.0)
     bus.frames_to_send(1.25)  # asks for the speed
@@ -187,7 +194,7 @@ def test_a_long_response_gets_flow_control_at_the_ecus_address():
     assert events_of(bus) == [Speed(1.27, 50 * KM_H, KM_H, "obd:7EA")]
 
 
-def test_a_long_response_with_29_bits_gets_flow_control_at_the_ecus_address():
+def test_a_long_response_with_29_bits_gets_flow_control_at_the_ecus_address() -> None:
     bus = VehicleBus(ObdSettings(addressing="29-bit"))
     bus.frames_to_send(1.0)
     bus.frames_to_send(1.25)
@@ -196,7 +203,7 @@ def test_a_long_response_with_29_bits_gets_flow_control_at_the_ecus_address():
     assert (go_on.arbitration_id, go_on.is_extended_id) == (0x18DA18F1, True)
 
 
-def test_another_testers_long_response_is_read_without_flow_control():
+def test_another_testers_long_response_is_read_without_flow_control() -> None:
     bus = VehicleBus(ObdSettings())
     bus.frames_to_send(1.0)
     bus.receive_frame(frame(1.01, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.01)
@@ -205,7 +212,7 @@ def test_another_testers_long_response_is_read_without_flow_control():
     assert [event.speed_m_s for event in events_of(bus)] == [50 * KM_H]
 
 
-def test_a_long_response_that_stops_is_aborted_and_counted():
+def test_a_long_response_that_stops_is_aborted_and_counted() -> None:
     bus = VehicleBus(ObdSettings(polling_hz=None))
     bus.receive_frame(frame(1.0, ENGINE, "10 0C 41 0C 1A F8 0D 32"), 1.0)
     assert bus.get_timer() == 2.0
@@ -214,7 +221,7 @@ def test_a_long_response_that_stops_is_aborted_and_counted():
     assert (discarded.reason, discarded.stamp_s) == ("n_timeout_cr", 2.0)
 
 
-def test_long_responses_of_two_ecus_do_not_mix():
+def test_long_responses_of_two_ecus_do_not_mix() -> None:
     events = received(
         frame(1.00, ENGINE, "10 0C 41 0C 1A F8 0D 32"),
         frame(1.01, GEARBOX, "10 0C 41 0C 1A F8 0D 33"),
@@ -227,8 +234,8 @@ def test_long_responses_of_two_ecus_do_not_mix():
     ]
 
 
-def test_response_pending_is_no_fault():
-    def answers(request, at):
+def test_response_pending_is_no_fault() -> None:
+    def answers(request: CanFrame, at: float) -> Iterator[CanFrame]:
         if request.data[2] == 0x0D and not request.is_extended_id:
             yield frame(at, ENGINE, "03 7F 01 78 00 00 00 00")
             yield speed_frame(at + 0.3, ENGINE, 50)
@@ -236,7 +243,7 @@ def test_response_pending_is_no_fault():
     assert {event.kind for event in Car(answers).drive(0.0, 5.0)} == {"speed"}
 
 
-def test_a_negative_response_is_counted_with_its_code():
+def test_a_negative_response_is_counted_with_its_code() -> None:
     (discarded,) = received(frame(1.0, ENGINE, "03 7F 01 12 00 00 00 00"))
     assert discarded == Discarded(1.0, "obd", "negative_response", "7E8: response code 0x12")
 
@@ -256,11 +263,11 @@ def test_a_negative_response_is_counted_with_its_code():
         (0x123, ""),
     ],
 )
-def test_frames_of_other_services_are_ignored(identifier, data):
+def test_frames_of_other_services_are_ignored(identifier: int, data: str) -> None:
     assert received(frame(1.0, identifier, data)) == []
 
 
-def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored():
+def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored() -> None:
     assert received(frame(1.0, ENGINE, "03 41 0D 32", is_extended_id=True)) == []
 
 
@@ -279,13 +286,13 @@ def test_an_11_bit_response_under_a_29_bit_identifier_is_ignored():
         ("02 7F 01 00 00 00 00 00", "negative_response_length"),
     ],
 )
-def test_invalid_frames_are_discarded_with_their_reason(data, reason):
+def test_invalid_frames_are_discarded_with_their_reason(data: str, reason: str) -> None:
     (discarded,) = received(frame(1.0, ENGINE, data))
     assert (discarded.component, discarded.reason, discarded.stamp_s) == ("obd", reason, 1.0)
     assert discarded.detail.startswith("7E8: ")
 
 
-def test_hard_braking_follows_the_speed_that_made_it_certain():
+def test_hard_braking_follows_the_speed_that_made_it_certain() -> None:
     events = received(
         *(speed_frame(i / 20, ENGINE, max(0, 100 - 2 * max(0, i - 20))) for i in range(60))
     )
@@ -306,7 +313,7 @@ def test_hard_braking_follows_the_speed_that_made_it_certain():
         max_size=40,
     )
 )
-def test_no_traffic_raises(frames):
+def test_no_traffic_raises(frames: list[CanFrame]) -> None:
     bus = VehicleBus(ObdSettings())
     for each in sorted(frames, key=lambda each: each.stamp_s):
         bus.receive_frame(each, each.stamp_s)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,7 @@ def record_drive(
     signed: bool = False,
     start_utc_s: float = START_UTC_S,
     leads: Sequence[Lead] | None = None,
-    **settings: object,
+    **settings: Any,
 ) -> Path:
     """Record how a vehicle joins the group of the one ahead, which brakes; return `folder`.
 

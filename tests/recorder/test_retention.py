@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def stored(name: str, age_s: float, size_mib: float = 1.0) -> StoredSegment:
     return StoredSegment(Path(f"{name}.mcap"), NOW_UTC_S - age_s, round(size_mib * MIB))
 
 
-def deleted(*segments: StoredSegment, writing_mib: float = 0.0, **settings: float) -> list[str]:
+def deleted(*segments: StoredSegment, writing_mib: float = 0.0, **settings: Any) -> list[str]:
     chosen = RecorderSettings(folder=Path("/box"), **settings)
     return [
         p.stem for p in segments_to_delete(segments, round(writing_mib * MIB), chosen, NOW_UTC_S)

@@ -1,8 +1,11 @@
 """Certificates: compatible with another implementation, and what they grant."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 
 from onboard.security import its_time, p256
 from onboard.security.certificate_codec import (
@@ -12,6 +15,7 @@ from onboard.security.certificate_codec import (
     encode_to_be_signed,
 )
 from onboard.security.certificates import (
+    Certificate,
     GroupLinkageValue,
     IssuePermission,
     Permission,
@@ -43,7 +47,9 @@ IMPLICIT = (
     [ROOT.credential.certificate, ISSUING.credential.certificate, OWN, IMPLICIT],
     ids=["root", "issuing", "pseudonym", "implicit pseudonym"],
 )
-def test_another_implementation_decodes_our_certificates(oracle, certificate):
+def test_another_implementation_decodes_our_certificates(
+    oracle: Any, certificate: Certificate
+) -> None:
     value = reread(oracle.Certificate, certificate.encoded)
     is_implicit = certificate is IMPLICIT
     assert (value["type"], "signature" in value) == (
@@ -62,7 +68,7 @@ def test_another_implementation_decodes_our_certificates(oracle, certificate):
     assert decode_certificate(certificate.encoded) == certificate
 
 
-def test_a_pseudonym_names_nobody_and_differs_from_the_next():
+def test_a_pseudonym_names_nobody_and_differs_from_the_next() -> None:
     certificates = [own.certificate for own in ALICE.pseudonyms]
     assert {certificate.subject.name for certificate in certificates} == {None}
     assert len({certificate.subject.public_key for certificate in certificates}) == 3
@@ -248,7 +254,9 @@ bodies = st.fixed_dictionaries(
 
 @given(body=bodies, issuer=st.just(("self", "sha256")) | st.tuples(
     st.just("sha256AndDigest"), eight), s=st.binary(min_size=32, max_size=32))  # fmt: skip
-def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer, s):
+def test_certificates_of_another_implementation_are_decoded(
+    oracle: Any, body: Any, issuer: tuple[str, bytes | str], s: bytes
+) -> None:
     oracle.Certificate.set_val(
         {
             "version": 3,
@@ -313,11 +321,13 @@ def test_certificates_of_another_implementation_are_decoded(oracle, body, issuer
     assert read.subject.public_key == (b"\x02" if parity == "compressed-y-0" else b"\x03") + x
 
 
-def _location(value):
+def _location(value: dict[str, int]) -> TwoDLocation:
     return TwoDLocation(value["latitude"] / 1e7, value["longitude"] / 1e7)
 
 
-def _region(kind, value):
+def _region(
+    kind: str, value: Any
+) -> CircularRegion | PolygonalRegion | tuple[IdentifiedRegion | RectangularRegion, ...]:
     match kind:
         case "circularRegion":
             return CircularRegion(_location(value["center"]), value["radius"])
@@ -331,7 +341,9 @@ def _region(kind, value):
     return tuple(_identified(*one) for one in value)
 
 
-def _identified(kind, value):
+def _identified(
+    kind: str, value: dict[str, int | list[dict[str, int | list[int]]]] | int
+) -> IdentifiedRegion:
     if kind == "countryOnly":
         return IdentifiedRegion(value)
     if kind == "countryAndRegions":
@@ -344,7 +356,7 @@ def _identified(kind, value):
     )
 
 
-def test_uncompressed_points_are_compressed_before_hashing(oracle):
+def test_uncompressed_points_are_compressed_before_hashing(oracle: Any) -> None:
     """IEEE 1609.2, 6.4: the hash does not depend on how the certificate was written."""
     value = reread(oracle.Certificate, OWN.encoded)
     key = p256.public_key(OWN.subject.public_key).public_numbers()
@@ -363,7 +375,7 @@ def test_uncompressed_points_are_compressed_before_hashing(oracle):
 
 
 @pytest.mark.parametrize("valid_for_s", [1, 65_535, 65_536, 604_800, 3.15e8, 9e9])
-def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s):
+def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s: float) -> None:
     credentials = make_pseudonyms(
         ISSUING, 1, {BSM}, new_key=new_key, valid_from_utc_s=UTC_S, valid_for_s=valid_for_s
     )
@@ -382,7 +394,7 @@ def test_a_certificate_is_valid_for_at_least_the_requested_time(valid_for_s):
     ],
     ids=["no key", "two keys", "no permission", "longer than years can say", "region"],
 )
-def test_a_subject_that_cannot_be_certified_is_a_value_error(change):
+def test_a_subject_that_cannot_be_certified_is_a_value_error(change: Any) -> None:
     fields = {
         "name": None,
         "valid_from_utc_s": UTC_S,
@@ -398,7 +410,7 @@ BITMAP = SspRange(BSM, bitmap=(b"\x01\x50", b"\xff\xf0"))
 """Version 1, and of the permissions in the last octet 5 for the first four bits."""
 
 
-def _some(ssps):
+def _some(ssps: SspRange) -> IssuePermission:
     return IssuePermission(frozenset(), some_ssps=frozenset({ssps}))
 
 
@@ -410,7 +422,7 @@ def _some(ssps):
         IssuePermission(frozenset(), any_ssp=frozenset({BSM}), min_chain_length=2),
     ],
 )
-def test_all_applications_are_all_that_are_not_listed(listed):
+def test_all_applications_are_all_that_are_not_listed(listed: IssuePermission) -> None:
     """Else a list of SSPs would limit nothing beside a permission for all."""
     grants = (IssuePermission(None), listed)
     assert not may_grant(grants, Permission(BSM, b"any"), 1)
@@ -440,7 +452,9 @@ def test_all_applications_are_all_that_are_not_listed(listed):
         (IssuePermission(None, min_chain_length=2, chain_length_range=-1), Permission(1), [2, 3]),
     ],
 )
-def test_an_issue_permission_covers_permissions_at_allowed_depths(grant, permission, heights):
+def test_an_issue_permission_covers_permissions_at_allowed_depths(
+    grant: IssuePermission, permission: Permission, heights: list[int]
+) -> None:
     assert [height for height in (1, 2, 3) if grant.covers(permission, height)] == heights
 
 
@@ -471,14 +485,14 @@ ssp_ranges = st.builds(
         max_size=3,
     )
 )
-def test_issue_permissions_survive_encoding_and_decoding(grants):
+def test_issue_permissions_survive_encoding_and_decoding(grants: list[IssuePermission]) -> None:
     subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, (), tuple(grants))
     body = encode_to_be_signed(subject)
     own = decode_certificate(encode_certificate(None, body, encode_signature((1, 1))))
     assert own.subject == subject
 
 
-def test_bitmaps_of_permissions_survive_encoding_and_decoding():
+def test_bitmaps_of_permissions_survive_encoding_and_decoding() -> None:
     permissions = (Permission(BSM, b"\x30\x40", is_bitmap=True), Permission(38, b"\x01"))
     subject = Subject("a", UTC_S, 60.0, OWN.subject.public_key, permissions)
     encoded = encode_certificate(None, encode_to_be_signed(subject), encode_signature((1, 1)))
@@ -486,7 +500,7 @@ def test_bitmaps_of_permissions_survive_encoding_and_decoding():
 
 
 @given(st.binary(max_size=120), st.data())
-def test_any_bytes_raise_only_malformed_or_unsupported(noise, data):
+def test_any_bytes_raise_only_malformed_or_unsupported(noise: bytes, data: DataObject) -> None:
     changed = bytearray(OWN.encoded)
     changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
     for given_bytes in (noise, b"\x80\x03\x00" + noise, bytes(changed)):

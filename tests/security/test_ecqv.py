@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ from onboard.security import ecqv, ieee1609dot2, p256
 from onboard.security.certificate_codec import decode_certificate, encode_certificate
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.its_time import to_time64
+from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.security.trust import TrustStore
 from onboard.tools.test_ca.authority import make_pseudonyms, make_root
@@ -25,7 +27,7 @@ WARN = b"\x01\x05 a car ahead of you brakes hard"
 keys = st.integers(1, p256.ORDER - 1)
 
 
-def _key(text):
+def _key(text: str) -> EllipticCurvePrivateKey:
     return p256.private_key(int(text, 16))
 
 
@@ -35,7 +37,9 @@ def _key(text):
 @settings(max_examples=30)
 @given(factor=st.integers(1, p256.ORDER - 2) | st.sampled_from([1, 2, p256.ORDER - 2]),
        point=keys, addend=keys)  # fmt: skip
-def test_a_multiple_and_a_sum_of_points_are_those_of_their_numbers(factor, point, addend):
+def test_a_multiple_and_a_sum_of_points_are_those_of_their_numbers(
+    factor: int, point: int, addend: int
+) -> None:
     for added in (addend, factor * point % p256.ORDER):
         total = p256.multiply_add(
             factor, p256.private_key(point).public_key(), p256.private_key(added).public_key()
@@ -45,14 +49,14 @@ def test_a_multiple_and_a_sum_of_points_are_those_of_their_numbers(factor, point
 
 
 @pytest.mark.parametrize("factor", [0, p256.ORDER - 1, p256.ORDER, 5])
-def test_a_factor_out_of_range_or_a_sum_at_infinity_is_a_value_error(factor):
+def test_a_factor_out_of_range_or_a_sum_at_infinity_is_a_value_error(factor: int) -> None:
     point, opposite = (p256.private_key(number).public_key() for number in (3, p256.ORDER - 15))
     with pytest.raises(ValueError, match=r"."):
         p256.multiply_add(factor, point, opposite)
 
 
 @pytest.mark.parametrize("vector", VECTORS.values(), ids=VECTORS)
-def test_each_role_computes_the_published_figures(vector: Vector):
+def test_each_role_computes_the_published_figures(vector: Vector) -> None:
     request, issuer, point = _key(ecqv_vectors.K_U), _key(ecqv_vectors.D_CA), vector.point
     digest = hashlib.sha256(ecqv_vectors.TEXT + bytes.fromhex(point)).digest()
     e = int.from_bytes(digest) >> 1 if vector.drops_last_bit else ecqv.scalar(digest)
@@ -70,7 +74,7 @@ def test_each_role_computes_the_published_figures(vector: Vector):
 
 
 @pytest.mark.parametrize("issued", ISSUED.values(), ids=ISSUED)
-def test_the_keys_of_certificates_that_were_in_use_are_reconstructed(issued: Issued):
+def test_the_keys_of_certificates_that_were_in_use_are_reconstructed(issued: Issued) -> None:
     issuer, certificate = (
         decode_certificate(bytes.fromhex(text)) for text in (issued.issuer, issued.certificate)
     )
@@ -86,7 +90,7 @@ def test_the_keys_of_certificates_that_were_in_use_are_reconstructed(issued: Iss
 
 
 @pytest.mark.parametrize("name", ["SCMS_KR 2cd1cef68fdabe62", "SCMS_KR 907f01f94d22d971"])
-def test_a_message_under_a_foreign_root_is_verified(name):
+def test_a_message_under_a_foreign_root_is_verified(name: str) -> None:
     root, *authorities = (
         decode_certificate(bytes.fromhex(text))
         for text in (
@@ -111,23 +115,25 @@ def _message(own: Credential, utc_s: float = UTC_S) -> bytes:
     return ieee1609dot2.encode_signed(to_be_signed, own.certificate, p256.sign(own.key, digest))
 
 
-def _refused(receiver, data, now=0.0):
+def _refused(receiver: SecurityServices, data: bytes, now: float = 0.0) -> RejectionReason:
     with pytest.raises(NotTrusted) as refusal:
         receiver.open(data, BSM, now)
     return refusal.value.reason
 
 
 @pytest.fixture
-def bob():
+def bob() -> SecurityServices:
     return security(BOB)
 
 
 @pytest.fixture
-def alice():
+def alice() -> SecurityServices:
     return security(IMPLICIT)
 
 
-def test_messages_under_an_implicit_certificate_are_verified_by_certificate_and_digest(alice, bob):
+def test_messages_under_an_implicit_certificate_are_verified_by_certificate_and_digest(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     sizes = set()
     for count in range(10):
         data = alice.secure(WARN, BSM, now=count / 10)
@@ -137,18 +143,20 @@ def test_messages_under_an_implicit_certificate_are_verified_by_certificate_and_
     assert len(sizes) == 2
 
 
-def test_an_implicit_certificate_is_shorter_by_its_signature():
+def test_an_implicit_certificate_is_shorter_by_its_signature() -> None:
     explicit = BOB.pseudonyms[0].certificate
     assert len(explicit.encoded) - len(OWN.certificate.encoded) == 67
 
 
-def test_its_key_is_reconstructed_once(alice, bob, monkeypatch):
+def test_its_key_is_reconstructed_once(
+    alice: SecurityServices, bob: SecurityServices, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bob.open(alice.secure(WARN, LCCA, now=0.0), LCCA, now=0.0)
     monkeypatch.delattr(p256, "multiply_add")
     bob.open(alice.secure(WARN, LCCA, now=0.1), LCCA, now=0.1)
 
 
-def test_a_changed_message_is_refused(alice, bob):
+def test_a_changed_message_is_refused(alice: SecurityServices, bob: SecurityServices) -> None:
     data = alice.secure(WARN, BSM, now=0.0)
     for position in range(0, len(data), 7):
         changed = bytearray(data)
@@ -157,7 +165,9 @@ def test_a_changed_message_is_refused(alice, bob):
     assert bob.open(data, BSM, now=0.0).payload == WARN
 
 
-def test_a_forged_certificate_gives_a_key_that_signs_nothing_and_is_not_kept(bob):
+def test_a_forged_certificate_gives_a_key_that_signs_nothing_and_is_not_kept(
+    bob: SecurityServices,
+) -> None:
     """Its maker knows the point, but not the number of the key that it gives."""
     guessed = new_key()
     point = p256.compressed(guessed.public_key())
@@ -171,7 +181,7 @@ def test_a_forged_certificate_gives_a_key_that_signs_nothing_and_is_not_kept(bob
     assert trust.find(forged.hashed_id8) is None
 
 
-def test_a_point_that_is_not_on_the_curve_is_a_bad_certificate(bob):
+def test_a_point_that_is_not_on_the_curve_is_a_bad_certificate(bob: SecurityServices) -> None:
     for x in range(2, 50):
         to_be_signed = OWN.certificate.to_be_signed[:-32] + x.to_bytes(32)
         off = decode_certificate(
@@ -184,7 +194,9 @@ def test_a_point_that_is_not_on_the_curve_is_a_bad_certificate(bob):
     raise AssertionError("half of all x are on no point of the curve")
 
 
-def test_an_implicit_certificate_grants_nothing_beyond_its_issuer_and_its_time(bob):
+def test_an_implicit_certificate_grants_nothing_beyond_its_issuer_and_its_time(
+    bob: SecurityServices,
+) -> None:
     generous = make_pseudonyms(ISSUING, 1, {BSM, 0x87}, new_key=new_key, implicit=True, **VALID)
     assert _refused(bob, _message(generous.pseudonyms[0])) == "untrusted_issuer"
     by_root = make_pseudonyms(ROOT, 1, {BSM}, new_key=new_key, implicit=True, **VALID)
@@ -196,13 +208,13 @@ def test_an_implicit_certificate_grants_nothing_beyond_its_issuer_and_its_time(b
     assert _refused(bob, _message(old.pseudonyms[0])) == "expired"
 
 
-def test_an_unknown_issuer_is_a_reason_of_its_own(bob):
+def test_an_unknown_issuer_is_a_reason_of_its_own(bob: SecurityServices) -> None:
     elsewhere = make_root("elsewhere", {BSM}, new_key=new_key, **VALID)
     car = make_pseudonyms(elsewhere, 1, {BSM}, new_key=new_key, implicit=True, **VALID)
     assert _refused(bob, _message(car.pseudonyms[0])) == "unknown_issuer"
 
 
-def test_an_authority_with_an_implicit_certificate_is_unsupported():
+def test_an_authority_with_an_implicit_certificate_is_unsupported() -> None:
     """Nothing would prove it: an authority signs certificates, not messages."""
     below = type(ISSUING)(OWN, ISSUING.roots, (*ISSUING.authorities, OWN.certificate))
     car = make_pseudonyms(below, 1, {BSM}, new_key=new_key, **VALID).pseudonyms[0]
@@ -211,7 +223,7 @@ def test_an_authority_with_an_implicit_certificate_is_unsupported():
 
 
 @given(noise=st.binary(min_size=1, max_size=80), position=st.integers(0, 200))
-def test_any_bytes_raise_only_not_trusted(noise, position):
+def test_any_bytes_raise_only_not_trusted(noise: bytes, position: int) -> None:
     data = _message(OWN)
     garbled = data[:position] + noise + data[position + len(noise) :]
     with contextlib.suppress(NotTrusted):

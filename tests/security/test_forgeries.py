@@ -5,10 +5,12 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 
 from onboard.security import ieee1609dot2, p256
 from onboard.security.certificate_codec import encode_certificate, encode_signature
 from onboard.security.its_time import to_time64
+from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 from tests.security.trial import (
@@ -29,22 +31,24 @@ P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551
 
 
 @pytest.fixture
-def alice():
+def alice() -> SecurityServices:
     return security(ALICE)
 
 
 @pytest.fixture
-def bob():
+def bob() -> SecurityServices:
     return security(BOB)
 
 
-def refused(receiver, data, psid=LCCA, now=0.0):
+def refused(
+    receiver: SecurityServices, data: bytes, psid: int = LCCA, now: float = 0.0
+) -> RejectionReason:
     with pytest.raises(NotTrusted) as refusal:
         receiver.open(data, psid, now)
     return refusal.value.reason
 
 
-def test_a_signed_message_is_accepted_once(alice, bob):
+def test_a_signed_message_is_accepted_once(alice: SecurityServices, bob: SecurityServices) -> None:
     opened = bob.open(alice.secure(WARN, LCCA, now=10.0), LCCA, now=10.02)
     assert opened.payload == WARN
     assert opened.signer_id == ALICE.pseudonyms[0].certificate.hashed_id8
@@ -54,7 +58,9 @@ def test_a_signed_message_is_accepted_once(alice, bob):
 # ---- changed or repeated ------------------------------------------------------------------------
 
 
-def test_a_message_with_a_changed_bit_is_refused(alice, bob):
+def test_a_message_with_a_changed_bit_is_refused(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     """Every bit of the message, one at a time."""
     data = alice.secure(WARN, LCCA, now=0.0)
     reasons = set()
@@ -75,14 +81,18 @@ def test_a_message_with_a_changed_bit_is_refused(alice, bob):
     assert {"bad_signature", "malformed", "untrusted_issuer", "wrong_psid"} <= reasons
 
 
-def test_a_duplicate_message_is_refused_as_a_replay(alice, bob):
+def test_a_duplicate_message_is_refused_as_a_replay(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     data = alice.secure(WARN, LCCA, now=0.0)
     bob.open(data, LCCA, now=0.1)
     assert refused(bob, data, now=0.2) == "replay"
     assert refused(bob, data, now=6.0) == "stale"
 
 
-def test_a_replay_with_another_valid_signature_over_the_same_data_is_refused(alice, bob):
+def test_a_replay_with_another_valid_signature_over_the_same_data_is_refused(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     """(r, n - s) verifies too: the window holds digests of the data, not signatures."""
     data = alice.secure(WARN, LCCA, now=0.0)
     r, s = data[-64:-32], int.from_bytes(data[-32:])
@@ -92,18 +102,22 @@ def test_a_replay_with_another_valid_signature_over_the_same_data_is_refused(ali
     assert refused(bob, twin, now=0.2) == "replay"
 
 
-def test_a_forged_copy_that_arrives_first_does_not_block_the_genuine_message(alice, bob):
+def test_a_forged_copy_that_arrives_first_does_not_block_the_genuine_message(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     data = alice.secure(WARN, LCCA, now=0.0)
     assert refused(bob, data[:-1] + bytes((data[-1] ^ 1,))) == "bad_signature"
     assert bob.open(data, LCCA, now=0.1).payload == WARN
 
 
-def test_equal_payloads_signed_at_the_same_time_are_two_messages(alice, bob):
+def test_equal_payloads_signed_at_the_same_time_are_two_messages(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     for data in [alice.secure(WARN, LCCA, now=1.0) for _ in range(3)]:
         assert bob.open(data, LCCA, now=1.0).payload == WARN
 
 
-def test_the_host_vehicles_own_message_is_refused_as_an_echo(alice):
+def test_the_host_vehicles_own_message_is_refused_as_an_echo(alice: SecurityServices) -> None:
     data = alice.secure(WARN, LCCA, now=0.0)
     assert refused(alice, data) == "own_echo"
     alice.sign_with(ALICE.pseudonyms[1])
@@ -120,16 +134,22 @@ def test_the_host_vehicles_own_message_is_refused_as_an_echo(alice):
     ("received_at", "reason"),
     [(5.001, "stale"), (3600.0, "stale"), (-2.001, "from_the_future"), (-3600, "from_the_future")],
 )
-def test_a_stale_or_future_message_is_refused(alice, bob, received_at, reason):
+def test_a_stale_or_future_message_is_refused(
+    alice: SecurityServices, bob: SecurityServices, received_at: float, reason: str
+) -> None:
     assert refused(bob, alice.secure(WARN, LCCA, now=0.0), now=received_at) == reason
 
 
 @pytest.mark.parametrize("received_at", [4.999, -1.999])
-def test_clocks_may_differ_within_the_tolerance(alice, bob, received_at):
+def test_clocks_may_differ_within_the_tolerance(
+    alice: SecurityServices, bob: SecurityServices, received_at: float
+) -> None:
     assert bob.open(alice.secure(WARN, LCCA, now=0.0), LCCA, received_at).payload == WARN
 
 
-def test_a_message_after_its_expiry_time_is_refused(alice, bob):
+def test_a_message_after_its_expiry_time_is_refused(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     data = alice.secure(WARN, LCCA, now=0.0, expires_in_s=0.5)
     assert security(BOB).open(data, LCCA, now=0.499).payload == WARN
     assert refused(bob, data, now=0.5) == "expired"
@@ -138,11 +158,13 @@ def test_a_message_after_its_expiry_time_is_refused(alice, bob):
 @pytest.mark.parametrize(
     ("now", "reason"), [(VALID["valid_for_s"], "expired"), (-3601.0, "not_yet_valid")]
 )
-def test_a_message_with_an_expired_certificate_is_refused(alice, bob, now, reason):
+def test_a_message_with_an_expired_certificate_is_refused(
+    alice: SecurityServices, bob: SecurityServices, now: float, reason: str
+) -> None:
     assert refused(bob, alice.secure(WARN, LCCA, now=now), now=now) == reason
 
 
-def test_a_certificate_expires_with_that_of_its_issuer(bob):
+def test_a_certificate_expires_with_that_of_its_issuer(bob: SecurityServices) -> None:
     short = make_issuing(
         ROOT, "short", new_key=new_key, valid_from_utc_s=UTC_S - 60, valid_for_s=120
     )
@@ -156,7 +178,7 @@ def test_a_certificate_expires_with_that_of_its_issuer(bob):
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "unknown_issuer"
 
 
-def test_a_message_without_generation_time_is_stale(bob):
+def test_a_message_without_generation_time_is_stale(bob: SecurityServices) -> None:
     own = ALICE.pseudonyms[0]
     stamped = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
     unstamped = stamped[: -8 - 4] + b"\x00" + stamped[-8 - 3 : -8]
@@ -168,31 +190,33 @@ def test_a_message_without_generation_time_is_stale(bob):
 # ---- who ----------------------------------------------------------------------------------------
 
 
-def test_unsecured_data_is_refused_as_unsigned(bob):
+def test_unsecured_data_is_refused_as_unsigned(bob: SecurityServices) -> None:
     assert refused(bob, security().secure(WARN, LCCA, now=0.0)) == "unsigned"
 
 
-def test_a_digest_is_unknown_until_its_certificate_was_received(alice, bob):
+def test_a_digest_is_unknown_until_its_certificate_was_received(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     first, second = (alice.secure(b"bsm", BSM, now) for now in (0.0, 0.1))
     assert refused(bob, second, BSM, now=0.1) == "unknown_certificate"
     assert bob.open(first, BSM, now=0.1).payload == b"bsm"
     assert bob.open(second, BSM, now=0.1).payload == b"bsm"
 
 
-def test_cars_of_another_root_are_refused(bob):
+def test_cars_of_another_root_are_refused(bob: SecurityServices) -> None:
     root = make_root("another root", {LCCA}, new_key=new_key, **VALID)
     issuing = make_issuing(root, "another issuing", new_key=new_key, **VALID)
     stranger = security(make_pseudonyms(issuing, 1, {LCCA}, new_key=new_key, **VALID))
     assert refused(bob, stranger.secure(WARN, LCCA, now=0.0)) == "unknown_issuer"
 
 
-def test_a_self_signed_certificate_is_refused(bob):
+def test_a_self_signed_certificate_is_refused(bob: SecurityServices) -> None:
     root = make_root("myself", {LCCA}, new_key=new_key, **VALID)
     mallory = security(type(BOB)((root.credential,), (), ()))
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_certificate_issued_by_a_car_is_refused(bob):
+def test_a_certificate_issued_by_a_car_is_refused(bob: SecurityServices) -> None:
     """Alice's own certificate grants nothing to others."""
     as_authority = type(ISSUING)(
         ALICE.pseudonyms[0], ISSUING.roots, (*ISSUING.authorities, ALICE.pseudonyms[0].certificate)
@@ -203,7 +227,7 @@ def test_a_certificate_issued_by_a_car_is_refused(bob):
     assert refused(bob, friend.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_certificate_not_signed_by_its_issuer_is_refused(bob):
+def test_a_certificate_not_signed_by_its_issuer_is_refused(bob: SecurityServices) -> None:
     """A forged certificate that names the issuing authority."""
     root = make_root("mallory", {BSM, LCCA}, new_key=new_key, **VALID)
     forger = type(ISSUING)(
@@ -215,7 +239,7 @@ def test_a_certificate_not_signed_by_its_issuer_is_refused(bob):
     assert refused(bob, forged.secure(WARN, LCCA, now=0.0)) == "bad_certificate"
 
 
-def test_a_message_signed_without_the_certificates_key_is_refused(bob):
+def test_a_message_signed_without_the_certificates_key_is_refused(bob: SecurityServices) -> None:
     stolen = type(ALICE.pseudonyms[0])(ALICE.pseudonyms[0].certificate, new_key())
     mallory = security(type(ALICE)((stolen,), ALICE.roots, ALICE.authorities))
     assert refused(bob, mallory.secure(WARN, LCCA, now=0.0)) == "bad_signature"
@@ -224,27 +248,29 @@ def test_a_message_signed_without_the_certificates_key_is_refused(bob):
 # ---- what they may say --------------------------------------------------------------------------
 
 
-def test_a_message_signed_for_another_service_is_refused(alice, bob):
+def test_a_message_signed_for_another_service_is_refused(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     assert refused(bob, alice.secure(b"bsm", BSM, now=0.0), LCCA) == "wrong_psid"
 
 
-def test_a_service_that_the_certificate_does_not_permit_is_refused(bob):
+def test_a_service_that_the_certificate_does_not_permit_is_refused(bob: SecurityServices) -> None:
     only_bsm = security(make_pseudonyms(ISSUING, 1, {BSM}, new_key=new_key, **VALID))
     assert refused(bob, only_bsm.secure(WARN, LCCA, now=0.0)) == "wrong_psid"
     assert bob.open(only_bsm.secure(b"bsm", BSM, now=0.0), BSM, now=0.0).payload == b"bsm"
 
 
-def test_an_authority_grants_only_what_it_was_granted(bob):
+def test_an_authority_grants_only_what_it_was_granted(bob: SecurityServices) -> None:
     generous = security(make_pseudonyms(ISSUING, 1, {LCCA, 0x87}, new_key=new_key, **VALID))
     assert refused(bob, generous.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_a_root_does_not_issue_cars_directly(bob):
+def test_a_root_does_not_issue_cars_directly(bob: SecurityServices) -> None:
     skipped = security(make_pseudonyms(ROOT, 1, {LCCA}, new_key=new_key, **VALID))
     assert refused(bob, skipped.secure(WARN, LCCA, now=0.0)) == "untrusted_issuer"
 
 
-def test_an_authority_below_an_authority_is_one_too_many(bob):
+def test_an_authority_below_an_authority_is_one_too_many(bob: SecurityServices) -> None:
     below = make_issuing(ISSUING, "below", new_key=new_key, **VALID)
     car = make_pseudonyms(below, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
     to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
@@ -262,7 +288,7 @@ def test_an_authority_below_an_authority_is_one_too_many(bob):
     assert refused(bob, chain) == "untrusted_issuer"
 
 
-def test_an_attached_authority_certificate_is_kept(bob):
+def test_an_attached_authority_certificate_is_kept(bob: SecurityServices) -> None:
     second = make_issuing(ROOT, "second", new_key=new_key, **VALID)
     car = make_pseudonyms(second, 1, {LCCA}, new_key=new_key, **VALID).pseudonyms[0]
     to_be_signed = ieee1609dot2.encode_to_be_signed(WARN, LCCA, to_time64(UTC_S))
@@ -279,7 +305,7 @@ def test_an_attached_authority_certificate_is_kept(bob):
     assert bob.open(data, LCCA, now=0.0).payload == WARN
 
 
-def test_a_key_off_the_curve_is_a_bad_certificate(bob):
+def test_a_key_off_the_curve_is_a_bad_certificate(bob: SecurityServices) -> None:
     encoded = ALICE.pseudonyms[0].certificate.encoded
     point = next(
         bytes((2,)) + x.to_bytes(32) for x in range(2, 50) if not _is_on_curve(x.to_bytes(32))
@@ -290,7 +316,7 @@ def test_a_key_off_the_curve_is_a_bad_certificate(bob):
     assert refused(bob, data) == "bad_certificate"
 
 
-def _is_on_curve(x):
+def _is_on_curve(x: bytes) -> bool:
     try:
         ec.EllipticCurvePublicKey.from_encoded_point(ec.SECP256R1(), b"\x02" + x)
     except ValueError:
@@ -301,14 +327,14 @@ def _is_on_curve(x):
 # ---- rubbish ------------------------------------------------------------------------------------
 
 
-def test_every_truncation_is_malformed(alice, bob):
+def test_every_truncation_is_malformed(alice: SecurityServices, bob: SecurityServices) -> None:
     data = alice.secure(WARN, LCCA, now=0.0)
     assert {refused(bob, data[:cut]) for cut in range(len(data))} == {"malformed"}
     assert refused(bob, data + b"\x00") == "malformed"
 
 
 @given(noise=st.binary(max_size=200), data=st.data())
-def test_any_bytes_raise_only_not_trusted(noise, data):
+def test_any_bytes_raise_only_not_trusted(noise: bytes, data: DataObject) -> None:
     whole = bytearray(security(ALICE).secure(WARN, LCCA, now=0.0))
     for _ in range(data.draw(st.integers(1, 5))):
         whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
@@ -321,16 +347,18 @@ def test_any_bytes_raise_only_not_trusted(noise, data):
         assert opened.payload == WARN
 
 
-def test_encrypted_data_is_unsupported(bob):
+def test_encrypted_data_is_unsupported(bob: SecurityServices) -> None:
     assert refused(bob, b"\x03\x82\x01\x01") == "unsupported"
 
 
-def test_two_cars_of_a_trial_in_files_or_memory_are_signed_the_same(alice):
+def test_two_cars_of_a_trial_in_files_or_memory_are_signed_the_same(
+    alice: SecurityServices,
+) -> None:
     """Signing is deterministic (RFC 6979): a run can be repeated to the bit."""
     assert alice.secure(WARN, LCCA, now=0.0) == security(ALICE).secure(WARN, LCCA, now=0.0)
 
 
-def test_a_certificate_assembled_by_hand_is_the_one_that_was_issued():
+def test_a_certificate_assembled_by_hand_is_the_one_that_was_issued() -> None:
     own = ALICE.pseudonyms[1].certificate
     again = encode_certificate(own.issuer_id, own.to_be_signed, encode_signature(own.signature))
     assert again == own.encoded
@@ -339,29 +367,31 @@ def test_a_certificate_assembled_by_hand_is_the_one_that_was_issued():
 # ---- the certificate's interval -----------------------------------------------------------------
 
 
-def _size(alice, psid, now):
+def _size(alice: SecurityServices, psid: int, now: float) -> int:
     return len(alice.secure(b"x", psid, now))
 
 
-def test_a_bsm_carries_the_certificate_every_450_ms_and_its_digest_between(alice):
+def test_a_bsm_carries_the_certificate_every_450_ms_and_its_digest_between(
+    alice: SecurityServices,
+) -> None:
     sizes = [_size(alice, BSM, now=i / 10) for i in range(20)]
     attached = [i for i, size in enumerate(sizes) if size == max(sizes)]
     assert attached == [0, 5, 10, 15]
     assert max(sizes) - min(sizes) > 100
 
 
-def test_group_messages_always_carry_the_certificate(alice):
+def test_group_messages_always_carry_the_certificate(alice: SecurityServices) -> None:
     sizes = {_size(alice, LCCA, now=i / 10) for i in range(20)}
     assert len(sizes) == 1
 
 
-def test_the_first_bsm_of_a_pseudonym_carries_its_certificate(alice):
+def test_the_first_bsm_of_a_pseudonym_carries_its_certificate(alice: SecurityServices) -> None:
     assert _size(alice, BSM, 0.0) > _size(alice, BSM, 0.1)
     alice.sign_with(ALICE.pseudonyms[1])
     assert _size(alice, BSM, 0.2) > _size(alice, BSM, 0.3)
 
 
-def test_the_certificate_interval_is_a_parameter():
+def test_the_certificate_interval_is_a_parameter() -> None:
     eager = SecurityServices(UTC_S, ALICE, certificate_interval_s=0.0)
     assert len({_size(eager, BSM, now=i / 100) for i in range(5)}) == 1
 
@@ -369,19 +399,23 @@ def test_the_certificate_interval_is_a_parameter():
 # ---- without credentials ------------------------------------------------------------------------
 
 
-def test_a_car_without_keys_opens_signed_messages_without_verifying(alice):
+def test_a_car_without_keys_opens_signed_messages_without_verifying(
+    alice: SecurityServices,
+) -> None:
     opened = security().open(alice.secure(WARN, LCCA, now=0.0), LCCA, now=0.0)
     assert (opened.payload, opened.signer_id) == (WARN, None)
     assert opened.generation_utc_s == UTC_S
     assert refused(security(), alice.secure(WARN, LCCA, now=0.0), BSM) == "wrong_psid"
 
 
-def test_keys_of_a_simulation_follow_from_its_seed():
+def test_keys_of_a_simulation_follow_from_its_seed() -> None:
     first, second = (p256.key_from(np.random.default_rng(7))() for _ in range(2))
     assert first.private_numbers() == second.private_numbers()
 
 
-def test_a_signer_is_known_by_a_valid_signature_only(alice, bob):
+def test_a_signer_is_known_by_a_valid_signature_only(
+    alice: SecurityServices, bob: SecurityServices
+) -> None:
     """A copied certificate under a forged signature gains nothing."""
     signer_id = ALICE.pseudonyms[0].certificate.hashed_id8
     forged = bytearray(alice.secure(WARN, LCCA, now=1.0))

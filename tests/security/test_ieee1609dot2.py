@@ -3,6 +3,8 @@
 import hashlib
 import json
 from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -22,7 +24,7 @@ OWN = ALICE.pseudonyms[0].certificate
 # ---- time ---------------------------------------------------------------------------------------
 
 
-def test_the_epoch_of_time64_and_the_leap_seconds_since():
+def test_the_epoch_of_time64_and_the_leap_seconds_since() -> None:
     new_year_2017 = datetime(2017, 1, 1, tzinfo=UTC).timestamp()
     days = (datetime(2017, 1, 1, tzinfo=UTC) - datetime(2004, 1, 1, tzinfo=UTC)).days
     assert its_time.to_time64(new_year_2017) == (days * 86_400 + 5) * 1_000_000
@@ -30,7 +32,7 @@ def test_the_epoch_of_time64_and_the_leap_seconds_since():
 
 
 @given(st.integers(0, 2**52))
-def test_times_survive(time64):
+def test_times_survive(time64: int) -> None:
     assert its_time.to_time64(its_time.from_time64(time64)) == time64
 
 
@@ -38,7 +40,9 @@ def test_times_survive(time64):
 
 
 @given(payload=st.binary(max_size=300), psid=st.integers(0, 2**28))
-def test_another_implementation_decodes_our_signed_data(oracle, payload, psid):
+def test_another_implementation_decodes_our_signed_data(
+    oracle: Any, payload: bytes, psid: int
+) -> None:
     alice = security(ALICE)
     with_certificate = alice.secure(
         payload, psid, now=1.0, expires_in_s=0.25, location=ieee1609dot2.Location(1.5, -2.5, 3.0)
@@ -63,7 +67,7 @@ def test_another_implementation_decodes_our_signed_data(oracle, payload, psid):
 
 
 @given(payload=st.binary(max_size=300), noise=st.binary(max_size=20))
-def test_the_payload_is_found_without_decoding_the_rest(payload, noise):
+def test_the_payload_is_found_without_decoding_the_rest(payload: bytes, noise: bytes) -> None:
     for secured in (
         ieee1609dot2.encode_unsecured(payload),
         security(ALICE).secure(payload, BSM, now=1.0),
@@ -76,7 +80,7 @@ def test_the_payload_is_found_without_decoding_the_rest(payload, noise):
     assert ieee1609dot2.payload_in(b"\x02" + noise) is None
 
 
-def test_the_signature_covers_the_hashes_of_the_standard(oracle):
+def test_the_signature_covers_the_hashes_of_the_standard(oracle: Any) -> None:
     """IEEE 1609.2, 5.3.1.2.2, computed from the fields that the oracle decodes."""
     value = reread(oracle.Ieee1609Dot2Data, security(ALICE).secure(b"words", BSM, now=0.0))
     signed = value["content"][1]
@@ -133,8 +137,12 @@ times = st.integers(0, 2**64 - 1)
     digest=st.binary(min_size=8, max_size=8),
 )
 def test_signed_data_of_another_implementation_are_decoded(
-    oracle, payload, header, signature, digest
-):
+    oracle: Any,
+    payload: bytes,
+    header: Any,
+    signature: tuple[tuple[str, bytes], bytes] | tuple[tuple[str, dict[str, bytes]], bytes],
+    digest: bytes,
+) -> None:
     r, s = signature
     to_be_signed = {
         "payload": {"data": {"protocolVersion": 3, "content": ("unsecuredData", payload)}},
@@ -174,14 +182,16 @@ def test_signed_data_of_another_implementation_are_decoded(
 
 
 @pytest.fixture
-def real_data(rig_data):
+def real_data(rig_data: Path) -> list[tuple[bytes, dict[str, int | str]]]:
     rows = (rig_data / "wsm/real-wsms.jsonl").read_text().splitlines()
     parsed = [json.loads(row) for row in rows]
     return [(bytes.fromhex(row["wsm"])[-row["wsmp"]["length"] :], row["core"]) for row in parsed]
 
 
 @pytest.mark.realdata
-def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(real_data, oracle):
+def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(
+    real_data: list[tuple[bytes, dict[str, int | str]]], oracle: Any
+) -> None:
     assert len(real_data) == 18
     for data, expected in real_data:
         signed = ieee1609dot2.decode(data)
@@ -195,7 +205,9 @@ def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(rea
 
 
 @pytest.mark.realdata
-def test_its_certificate_has_the_hashed_id8_of_the_other_messages(real_data):
+def test_its_certificate_has_the_hashed_id8_of_the_other_messages(
+    real_data: list[tuple[bytes, dict[str, int | str]]],
+) -> None:
     signers = [ieee1609dot2.decode(data).signer for data, _ in real_data]
     digests = {signer for signer in signers if isinstance(signer, bytes)}
     certificates = {signer[0].hashed_id8 for signer in signers if not isinstance(signer, bytes)}
@@ -204,7 +216,9 @@ def test_its_certificate_has_the_hashed_id8_of_the_other_messages(real_data):
 
 
 @pytest.mark.realdata
-def test_all_of_them_are_refused_because_their_issuer_is_unknown(real_data):
+def test_all_of_them_are_refused_because_their_issuer_is_unknown(
+    real_data: list[tuple[bytes, dict[str, int | str]]],
+) -> None:
     bob = SecurityServices(0.0, ALICE)
     refusals = set()
     for data, _ in real_data:
@@ -222,7 +236,7 @@ def test_all_of_them_are_refused_because_their_issuer_is_unknown(real_data):
 
 
 @given(payload=st.binary(max_size=300), psid=st.integers(0, 2**28))
-def test_the_signer_is_named_by_digest_and_by_certificate(payload, psid):
+def test_the_signer_is_named_by_digest_and_by_certificate(payload: bytes, psid: int) -> None:
     to_be_signed = ieee1609dot2.encode_to_be_signed(payload, psid, 1)
     for signer in (OWN, OWN.hashed_id8):
         data = ieee1609dot2.encode_signed(to_be_signed, signer, (1, 1))
@@ -230,12 +244,12 @@ def test_the_signer_is_named_by_digest_and_by_certificate(payload, psid):
 
 
 @given(st.binary(max_size=300), st.integers(0, 200))
-def test_any_bytes_name_some_signer_or_none(noise, kept):
+def test_any_bytes_name_some_signer_or_none(noise: bytes, kept: int) -> None:
     head = security(ALICE).secure(b"", BSM, now=1.0)[:kept]
     for data in (noise, head, head + noise):
         named = ieee1609dot2.signer_in(data)
         assert named is None or len(named) == 8
 
 
-def test_unsecured_data_name_no_signer():
+def test_unsecured_data_name_no_signer() -> None:
     assert ieee1609dot2.signer_in(ieee1609dot2.encode_unsecured(b"1234")) is None

@@ -2,9 +2,12 @@
 
 import re
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from onboard.errors import UserError
 from onboard.security import ieee1609dot2, key_files
@@ -14,12 +17,12 @@ from onboard.tools.test_ca.cli import keys
 from tests.security.trial import ALICE, BOB, BSM, ISSUING, LCCA, UTC_S
 
 
-def _run(*arguments):
+def _run(*arguments: int | Path | str) -> Result:
     return CliRunner().invoke(keys, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     """A root, an issuing authority and two cars, made by the commands."""
     for arguments in (
         ("root", tmp_path / "root"),
@@ -32,7 +35,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_cars_with_keys_made_by_the_commands_verify_each_other(folder):
+def test_cars_with_keys_made_by_the_commands_verify_each_other(folder: Path) -> None:
     a, b = (
         SecurityServices(time.time(), key_files.read_credentials(folder / name))
         for name in ("a", "b")
@@ -41,13 +44,13 @@ def test_cars_with_keys_made_by_the_commands_verify_each_other(folder):
     assert a.open(b.secure(b"y", BSM, now=0.0), BSM, now=0.1).payload == b"y"
 
 
-def test_other_users_cannot_open_the_key_files(folder):
+def test_other_users_cannot_open_the_key_files(folder: Path) -> None:
     paths = [path for top in ("root", "issuing", "a", "b") for path in (folder / top).rglob("*")]
     assert {path.stat().st_mode & 0o777 for path in paths if path.is_file()} == {0o600}
     assert {path.stat().st_mode & 0o777 for path in paths if path.is_dir()} == {0o700}
 
 
-def test_cars_with_implicit_and_explicit_certificates_verify_each_other(folder):
+def test_cars_with_implicit_and_explicit_certificates_verify_each_other(folder: Path) -> None:
     made = _run("car", folder / "c", "--issuing", folder / "issuing", "--implicit", "--count", 2)
     assert made.exit_code == 0, made.output
     a, c = (
@@ -58,7 +61,7 @@ def test_cars_with_implicit_and_explicit_certificates_verify_each_other(folder):
     assert c.open(a.secure(b"y", LCCA, now=0.0), LCCA, now=0.1).payload == b"y"
 
 
-def test_the_key_of_another_implicit_certificate_is_an_error(folder):
+def test_the_key_of_another_implicit_certificate_is_an_error(folder: Path) -> None:
     _run("car", folder / "c", "--issuing", folder / "issuing", "--implicit", "--count", 2)
     pseudonyms = folder / "c" / "pseudonyms"
     (pseudonyms / "000.key").write_bytes((pseudonyms / "001.key").read_bytes())
@@ -66,7 +69,7 @@ def test_the_key_of_another_implicit_certificate_is_an_error(folder):
         key_files.read_credentials(folder / "c")
 
 
-def test_the_key_of_another_authority_is_an_error(folder):
+def test_the_key_of_another_authority_is_an_error(folder: Path) -> None:
     (folder / "issuing" / "own.key").write_bytes((folder / "root" / "own.key").read_bytes())
     with pytest.raises(UserError, match=r"own\.key: is not the key of own\.cert"):
         key_files.read_authority(folder / "issuing")
@@ -76,7 +79,7 @@ def test_the_key_of_another_authority_is_an_error(folder):
 
 
 @pytest.fixture
-def crl(folder):
+def crl(folder: Path) -> Path:
     """A list that revokes vehicle b."""
     made = _run("revoke", folder / "b.crl", folder / "b", "--issuer", folder / "issuing")
     assert made.exit_code == 0, made.output
@@ -84,12 +87,12 @@ def crl(folder):
     return folder / "b.crl"
 
 
-def _install(crl, car):
+def _install(crl: Path, car: Path) -> None:
     (car / "crls").mkdir()
     (car / "crls" / crl.name).write_bytes(crl.read_bytes())
 
 
-def test_a_revoked_vehicle_is_refused_by_those_who_have_the_list(folder, crl):
+def test_a_revoked_vehicle_is_refused_by_those_who_have_the_list(folder: Path, crl: Path) -> None:
     b = SecurityServices(time.time(), key_files.read_credentials(folder / "b"))
     _install(crl, folder / "a")
     a = SecurityServices(time.time(), key_files.read_credentials(folder / "a"))
@@ -97,13 +100,13 @@ def test_a_revoked_vehicle_is_refused_by_those_who_have_the_list(folder, crl):
         a.open(b.secure(b"x", BSM, now=0.0), BSM, now=0.0)
 
 
-def test_a_revoked_vehicle_does_not_start_with_the_list(folder, crl):
+def test_a_revoked_vehicle_does_not_start_with_the_list(folder: Path, crl: Path) -> None:
     _install(crl, folder / "b")
     with pytest.raises(UserError, match=r"000\.cert: revoked"):
         key_files.read_credentials(folder / "b")
 
 
-def test_an_authority_is_revoked_by_its_root(folder):
+def test_an_authority_is_revoked_by_its_root(folder: Path) -> None:
     made = _run("revoke", folder / "i.crl", folder / "issuing", "--issuer", folder / "root")
     assert made.exit_code == 0, made.output
     _install(folder / "i.crl", folder / "a")
@@ -111,7 +114,7 @@ def test_an_authority_is_revoked_by_its_root(folder):
         key_files.read_credentials(folder / "a")
 
 
-def test_lists_are_written_and_read_back(tmp_path, folder, crl):
+def test_lists_are_written_and_read_back(tmp_path: Path, folder: Path, crl: Path) -> None:
     _install(crl, folder / "a")
     read = key_files.read_credentials(folder / "a")
     assert read.crls == (crl.read_bytes(),)
@@ -128,14 +131,16 @@ def test_lists_are_written_and_read_back(tmp_path, folder, crl):
     ],
     ids=["empty", "unsigned", "of another trial"],
 )
-def test_a_list_that_is_not_trusted_is_an_error_that_names_the_file(folder, content, what):
+def test_a_list_that_is_not_trusted_is_an_error_that_names_the_file(
+    folder: Path, content: bytes, what: str
+) -> None:
     (folder / "bad.crl").write_bytes(content)
     _install(folder / "bad.crl", folder / "a")
     with pytest.raises(UserError, match=rf"crls/bad\.crl: {what}"):
         key_files.read_credentials(folder / "a")
 
 
-def test_only_the_issuer_of_a_vehicle_revokes_it(folder):
+def test_only_the_issuer_of_a_vehicle_revokes_it(folder: Path) -> None:
     result = _run("revoke", folder / "x.crl", folder / "b", "--issuer", folder / "root")
     assert isinstance(result.exception, UserError)
     assert "was not issued by" in str(result.exception)
@@ -145,7 +150,7 @@ def test_only_the_issuer_of_a_vehicle_revokes_it(folder):
 # ---- files --------------------------------------------------------------------------------------
 
 
-def test_show_lists_every_certificate_and_no_key(folder):
+def test_show_lists_every_certificate_and_no_key(folder: Path) -> None:
     result = _run("show", folder / "a")
     assert result.exit_code == 0
     assert len(result.output.splitlines()) == 5
@@ -154,7 +159,9 @@ def test_show_lists_every_certificate_and_no_key(folder):
 
 
 @pytest.mark.parametrize(("name", "certificates"), [("root", 1), ("issuing", 2)])
-def test_show_lists_the_certificates_of_an_authority(folder, name, certificates):
+def test_show_lists_the_certificates_of_an_authority(
+    folder: Path, name: str, certificates: int
+) -> None:
     result = _run("show", folder / name)
     assert result.exit_code == 0
     assert len(result.output.splitlines()) == certificates
@@ -162,7 +169,7 @@ def test_show_lists_the_certificates_of_an_authority(folder, name, certificates)
     assert "PRIVATE" not in result.output
 
 
-def test_what_was_written_is_read_back(tmp_path):
+def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     key_files.write_credentials(tmp_path / "alice", ALICE)
     read = key_files.read_credentials(tmp_path / "alice")
     assert [own.certificate for own in read.pseudonyms] == [
@@ -174,7 +181,7 @@ def test_what_was_written_is_read_back(tmp_path):
     assert (read.roots, read.authorities) == (ALICE.roots, ALICE.authorities)
 
 
-def _mode(mode):
+def _mode(mode: int) -> Callable[..., Any]:
     return lambda path: path.chmod(mode)
 
 
@@ -214,7 +221,9 @@ def _mode(mode):
         ),
     ],
 )
-def test_unusable_files_are_errors_with_the_remedy(tmp_path, file, damage, what):
+def test_unusable_files_are_errors_with_the_remedy(
+    tmp_path: Path, file: str, damage: Callable[..., Any], what: str
+) -> None:
     car = tmp_path / "car"
     key_files.write_credentials(car, ALICE)
     damage(car / file)
@@ -222,13 +231,13 @@ def test_unusable_files_are_errors_with_the_remedy(tmp_path, file, damage, what)
         key_files.read_credentials(car)
 
 
-def test_existing_files_are_not_overwritten(tmp_path):
+def test_existing_files_are_not_overwritten(tmp_path: Path) -> None:
     key_files.write_credentials(tmp_path / "car", ALICE)
     with pytest.raises(UserError, match="car: cannot be made: File exists"):
         key_files.write_credentials(tmp_path / "car", BOB)
 
 
-def test_a_psid_that_is_not_a_number_is_a_usage_error(tmp_path):
+def test_a_psid_that_is_not_a_number_is_a_usage_error(tmp_path: Path) -> None:
     result = _run("root", tmp_path / "root", "--psid", "bsm")
     assert result.exit_code == 2
     assert "a PSID is a number" in result.output
@@ -243,7 +252,9 @@ def test_a_psid_that_is_not_a_number_is_a_usage_error(tmp_path):
         (("issuing", "new", "--root", "issuing"), "is no root"),
     ],
 )
-def test_credentials_that_receivers_would_refuse_are_not_written(folder, arguments, what):
+def test_credentials_that_receivers_would_refuse_are_not_written(
+    folder: Path, arguments: tuple[str, ...], what: str
+) -> None:
     command, new, option, above, *rest = arguments
     result = _run(command, folder / new, option, folder / above, *rest)
     assert isinstance(result.exception, UserError)
@@ -252,13 +263,13 @@ def test_credentials_that_receivers_would_refuse_are_not_written(folder, argumen
 
 
 @pytest.mark.parametrize("psid", ["-1", "0x99999999999", "much"])
-def test_a_psid_out_of_range_is_a_usage_error(tmp_path, psid):
+def test_a_psid_out_of_range_is_a_usage_error(tmp_path: Path, psid: str) -> None:
     result = _run("root", tmp_path / "root", f"--psid={psid}")
     assert result.exit_code == 2
     assert "a PSID is" in result.output
 
 
-def test_a_clock_before_2004_is_an_error(tmp_path, monkeypatch):
+def test_a_clock_before_2004_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "time", lambda: 1000.0)
     result = _run("root", tmp_path / "root")
     assert isinstance(result.exception, UserError)
@@ -267,13 +278,13 @@ def test_a_clock_before_2004_is_an_error(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["x" * 256, ""])
-def test_a_name_that_is_too_long_or_empty_is_a_usage_error(tmp_path, name):
+def test_a_name_that_is_too_long_or_empty_is_a_usage_error(tmp_path: Path, name: str) -> None:
     result = _run("root", tmp_path / "root", "--name", name)
     assert result.exit_code == 2
     assert "255 octets" in result.output
 
 
-def test_the_printed_validity_is_that_of_the_whole_chain(folder):
+def test_the_printed_validity_is_that_of_the_whole_chain(folder: Path) -> None:
     issuing = _run("issuing", folder / "short", "--root", folder / "root", "--days", 2).output
     car = _run("car", folder / "long", "--issuing", folder / "short", "--days", 9, "--count", 1)
     assert car.stdout.split(" to ")[1] == issuing.split(" to ")[1]
@@ -281,7 +292,7 @@ def test_the_printed_validity_is_that_of_the_whole_chain(folder):
     assert _run("car", folder / "c", "--issuing", folder / "short", "--days", 1).stderr == ""
 
 
-def test_credentials_that_lack_a_service_of_the_car_are_an_error(folder):
+def test_credentials_that_lack_a_service_of_the_car_are_an_error(folder: Path) -> None:
     with pytest.raises(UserError, match=r"000.cert: does not allow PSID 0x4020"):
         key_files.read_credentials(folder / "b", (BSM, LCCA))
     key_files.read_credentials(folder / "a", (BSM, LCCA))

@@ -2,6 +2,7 @@
 
 import copy
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,7 +63,7 @@ def test_vehicles_under_two_authorities_of_one_root_learn_to_trust_each_other() 
     assert sum(at >= 3.0 for at in accepted_at) == 20
 
 
-def test_a_request_is_in_the_header_that_public_asn1_describes(oracle) -> None:
+def test_a_request_is_in_the_header_that_public_asn1_describes(oracle: Any) -> None:
     to_be_signed = ieee1609dot2.encode_to_be_signed(b"bsm", BSM, 1, p2pcd_request=WANTED)
     value = reread(oracle.ToBeSignedData, to_be_signed)
     assert value["headerInfo"]["p2pcdLearningRequest"] == WANTED

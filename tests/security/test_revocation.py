@@ -3,6 +3,7 @@
 import contextlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import asn1tools
 import pytest
@@ -17,6 +18,7 @@ from onboard.security.certificate_codec import (
     encode_to_be_signed,
 )
 from onboard.security.certificates import (
+    Certificate,
     GroupLinkageValue,
     IssuePermission,
     LinkageData,
@@ -29,6 +31,7 @@ from onboard.security.crl_codec import decode_crl, decode_ssp, encode_crl, encod
 from onboard.security.its_time import from_time32, to_time32
 from onboard.security.linkage import LinkageSeed, after, linkage_values
 from onboard.security.oer import Malformed, Unsupported
+from onboard.security.rejection import RejectionReason
 from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.security_services import NotTrusted, SecurityServices
 from onboard.tools.test_ca import authority
@@ -37,25 +40,25 @@ from onboard.wave_udp.psid import CRL
 from tests.security.trial import ALICE, BOB, BSM, CAROL, ISSUING, ROOT, UTC_S, VALID, new_key
 
 ORACLE = asn1tools.compile_files(str(Path(__file__).with_name("crl_oracle.asn1")), "oer")
-LIST = {"serial": 1, "issued_utc_s": UTC_S - 60.0, "valid_for_s": 86_400.0}
+LIST: dict[str, Any] = {"serial": 1, "issued_utc_s": UTC_S - 60.0, "valid_for_s": 86_400.0}
 IMPLICIT = make_pseudonyms(ISSUING, 2, {BSM}, new_key=new_key, implicit=True, **VALID)
 
 
-def _certificates(credentials):
+def _certificates(credentials: Credentials) -> list[Certificate]:
     return [own.certificate for own in credentials.pseudonyms]
 
 
-def _receiver(*crls, receiver=BOB):
+def _receiver(*crls: bytes, receiver: Credentials = BOB) -> SecurityServices:
     return SecurityServices(UTC_S, replace(receiver, crls=crls))
 
 
-def _refused(receiver, sender, now=0.0):
+def _refused(receiver: SecurityServices, sender: Credentials, now: float = 0.0) -> RejectionReason:
     with pytest.raises(NotTrusted) as refusal:
         receiver.open(SecurityServices(UTC_S, sender).secure(b"bsm", BSM, now), BSM, now)
     return refusal.value.reason
 
 
-def _accepted(receiver, sender, now=0.0):
+def _accepted(receiver: SecurityServices, sender: Credentials, now: float = 0.0) -> bool:
     data = SecurityServices(UTC_S, sender).secure(b"bsm", BSM, now)
     return receiver.open(data, BSM, now).payload == b"bsm"
 
@@ -64,7 +67,9 @@ def _accepted(receiver, sender, now=0.0):
 
 
 @pytest.mark.parametrize("car", [ALICE, IMPLICIT], ids=["explicit", "implicit"])
-def test_messages_of_a_revoked_vehicle_are_refused_and_those_of_others_are_not(car):
+def test_messages_of_a_revoked_vehicle_are_refused_and_those_of_others_are_not(
+    car: Credentials,
+) -> None:
     crl = make_crl(ISSUING, _certificates(car), **LIST)
     receiver = _receiver(crl)
     for own in car.pseudonyms:
@@ -75,7 +80,7 @@ def test_messages_of_a_revoked_vehicle_are_refused_and_those_of_others_are_not(c
     assert _accepted(receiver, CAROL)
 
 
-def test_a_revoked_authority_takes_its_vehicles_along():
+def test_a_revoked_authority_takes_its_vehicles_along() -> None:
     second = make_issuing(ROOT, "second", new_key=new_key, **VALID)
     car = make_pseudonyms(second, 1, {BSM}, new_key=new_key, **VALID)
     crl = make_crl(ROOT, [second.credential.certificate], **LIST)
@@ -86,7 +91,7 @@ def test_a_revoked_authority_takes_its_vehicles_along():
     assert _accepted(receiver, ALICE)
 
 
-def test_a_list_revokes_certificates_that_are_already_known():
+def test_a_list_revokes_certificates_that_are_already_known() -> None:
     trust = trust_store(BOB)
     known = trust.receive_certificate(_certificates(ALICE)[0])
     assert not trust.is_revoked(known)
@@ -95,7 +100,7 @@ def test_a_list_revokes_certificates_that_are_already_known():
     assert trust.is_revoked(trust.receive_certificate(_certificates(ALICE)[1]))
 
 
-def test_lists_add_up():
+def test_lists_add_up() -> None:
     crls = [make_crl(ISSUING, _certificates(car), **LIST) for car in (ALICE, CAROL)]
     for order in (crls, crls[::-1]):
         receiver = _receiver(*order)
@@ -105,55 +110,55 @@ def test_lists_add_up():
 # ---- which lists count --------------------------------------------------------------------------
 
 
-def _contents(**changes):
+def _contents(**changes: Any) -> CrlContents:
     ids = {each.digest[-10:]: each.subject.valid_until_utc_s for each in _certificates(ALICE)}
     craca_id8 = ISSUING.credential.certificate.hashed_id8
     contents = CrlContents(1, craca_id8, UTC_S - 60.0, UTC_S + 60.0, HashIdCrl(1, ids))
     return replace(contents, **changes)
 
 
-def _signed(contents, credential, psid=CRL):
+def _signed(contents: CrlContents, credential: Credential, psid: int = CRL) -> bytes:
     to_be_signed = ieee1609dot2.encode_to_be_signed(encode_crl(contents), psid, None)
     digest = p256.digest_to_sign(to_be_signed, credential.certificate.digest)
     signature = p256.sign(credential.key, digest)
     return ieee1609dot2.encode_signed(to_be_signed, credential.certificate, signature)
 
 
-def _load(data):
+def _load(data: bytes) -> RejectionReason:
     with pytest.raises(NotTrusted) as refusal:
         load_crl(data, trust_store(BOB))
     return refusal.value.reason
 
 
-def test_an_unsigned_list_is_refused():
+def test_an_unsigned_list_is_refused() -> None:
     assert _load(ieee1609dot2.encode_unsecured(encode_crl(_contents()))) == "unsigned"
 
 
-def test_a_list_signed_by_a_vehicle_is_refused():
+def test_a_list_signed_by_a_vehicle_is_refused() -> None:
     assert _load(_signed(_contents(), CAROL.pseudonyms[0])) == "wrong_psid"
 
 
-def test_a_list_signed_for_another_service_is_refused():
+def test_a_list_signed_for_another_service_is_refused() -> None:
     assert _load(_signed(_contents(), ISSUING.credential, psid=BSM)) == "wrong_psid"
 
 
-def test_a_list_for_another_authority_is_refused():
+def test_a_list_for_another_authority_is_refused() -> None:
     """The root may not revoke what the authority issued, nor the other way round."""
     assert _load(_signed(_contents(), ROOT.credential)) == "untrusted_issuer"
     of_root = _contents(craca_id8=ROOT.credential.certificate.hashed_id8)
     assert _load(_signed(of_root, ISSUING.credential)) == "untrusted_issuer"
 
 
-def test_a_list_of_a_series_that_the_signer_may_not_sign_is_refused():
+def test_a_list_of_a_series_that_the_signer_may_not_sign_is_refused() -> None:
     assert _load(_signed(_contents(series=2), ISSUING.credential)) == "untrusted_issuer"
 
 
-def test_a_list_issued_before_the_signer_was_valid_is_refused():
+def test_a_list_issued_before_the_signer_was_valid_is_refused() -> None:
     early = _contents(issued_utc_s=UTC_S - 86_400.0)
     assert _load(_signed(early, ISSUING.credential)) == "expired"
 
 
-def test_a_list_of_an_unknown_signer_is_refused():
+def test_a_list_of_an_unknown_signer_is_refused() -> None:
     unknown = make_issuing(ROOT, "unknown", new_key=new_key, **VALID)
     craca_id8 = unknown.credential.certificate.hashed_id8
     by_digest = make_crl(unknown, _certificates(ALICE), **LIST)
@@ -163,14 +168,14 @@ def test_a_list_of_an_unknown_signer_is_refused():
     load_crl(_signed(_contents(craca_id8=craca_id8), unknown.credential), trust_store(BOB))
 
 
-def test_a_list_of_a_revoked_signer_is_refused():
+def test_a_list_of_a_revoked_signer_is_refused() -> None:
     trust = trust_store(BOB)
     load_crl(make_crl(ROOT, [ISSUING.credential.certificate], **LIST), trust)
     with pytest.raises(NotTrusted, match="revoked: its signer"):
         load_crl(make_crl(ISSUING, _certificates(ALICE), **LIST), trust)
 
 
-def test_a_list_of_a_revoked_implicit_signer_is_refused(monkeypatch):
+def test_a_list_of_a_revoked_implicit_signer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its key proves nothing before the signature does, so it is looked up afterwards."""
     permission = Permission(CRL, encode_ssp(CrlSsp(is_craca=False, series=frozenset({1}))))
     monkeypatch.setattr(authority, "Permission", lambda _psid, _ssp: permission)
@@ -184,7 +189,7 @@ def test_a_list_of_a_revoked_implicit_signer_is_refused(monkeypatch):
         load_crl(data, trust)
 
 
-def test_a_delegate_of_the_authority_may_sign():
+def test_a_delegate_of_the_authority_may_sign() -> None:
     """Its permission names its issuer as CRACA (7.4.3.3)."""
     key = new_key()
     ssp = encode_ssp(CrlSsp(is_craca=False, series=frozenset({1})))
@@ -208,7 +213,7 @@ def test_a_delegate_of_the_authority_may_sign():
     assert trust.is_revoked(trust.receive_certificate(_certificates(ALICE)[0]))
 
 
-def test_a_changed_list_is_refused():
+def test_a_changed_list_is_refused() -> None:
     data = make_crl(ISSUING, _certificates(ALICE), **LIST)
     load_crl(data, trust_store(BOB))
     for position in range(0, len(data), 5):
@@ -218,7 +223,7 @@ def test_a_changed_list_is_refused():
             load_crl(bytes(changed), trust_store(BOB))
 
 
-def test_a_list_counts_for_certificates_of_its_authority_and_series_only():
+def test_a_list_counts_for_certificates_of_its_authority_and_series_only() -> None:
     """Certificates made for no list, or for another one, are not found by their hash."""
     own = ALICE.pseudonyms[0]
     for change in ({"crl_series": 2}, {"craca_id": b"abc"}, {"craca_id": bytes(3)}):
@@ -256,7 +261,9 @@ GROUP_SEEDS = (
         (GROUP_SEEDS, 1, "548F7017", "C4052FFB0AE61AAF37"),
     ],
 )
-def test_linkage_values_are_the_published_ones(seeds, period, index, value):
+def test_linkage_values_are_the_published_ones(
+    seeds: tuple[LinkageSeed, LinkageSeed], period: int, index: str, value: str
+) -> None:
     values = linkage_values(after(seeds, period), [bytes.fromhex(index)])
     assert values == [bytes.fromhex(value)]
 
@@ -264,7 +271,7 @@ def test_linkage_values_are_the_published_ones(seeds, period, index, value):
 I_REV, I_MAX, J_MAX = 7, 30, 20
 
 
-def _linked_car(linkage):
+def _linked_car(linkage: LinkageData) -> Credentials:
     """A vehicle whose certificate has linkage data."""
     own = ALICE.pseudonyms[0]
     subject = replace(own.certificate.subject, linkage=linkage)
@@ -278,11 +285,11 @@ def _linked_car(linkage):
     return replace(ALICE, pseudonyms=(Credential(certificate, own.key),))
 
 
-def _value(seeds, periods, j):
+def _value(seeds: tuple[LinkageSeed, LinkageSeed], periods: int, j: int) -> bytes:
     return linkage_values(after(seeds, periods), [j.to_bytes(4)])[0]
 
 
-def _linked_receiver():
+def _linked_receiver() -> SecurityServices:
     entries = (
         LinkedRevocation(I_MAX, J_MAX, SEEDS),
         LinkedRevocation(I_MAX, None, GROUP_SEEDS),
@@ -301,7 +308,9 @@ def _linked_receiver():
         (I_REV, J_MAX + 1, None),
     ],
 )
-def test_two_seeds_revoke_all_certificates_of_a_vehicle_from_a_period_on(period, j, expected):
+def test_two_seeds_revoke_all_certificates_of_a_vehicle_from_a_period_on(
+    period: int, j: int, expected: str | None
+) -> None:
     car = _linked_car(LinkageData(period, _value(SEEDS, period - I_REV, j)))
     if expected is None:
         assert _accepted(_linked_receiver(), car)
@@ -309,12 +318,12 @@ def test_two_seeds_revoke_all_certificates_of_a_vehicle_from_a_period_on(period,
         assert _refused(_linked_receiver(), car) == expected
 
 
-def test_certificates_of_earlier_periods_stay_unlinked():
+def test_certificates_of_earlier_periods_stay_unlinked() -> None:
     car = _linked_car(LinkageData(I_REV - 1, _value(SEEDS, 0, 1)))
     assert _accepted(_linked_receiver(), car)
 
 
-def test_two_seeds_revoke_a_group_of_vehicles():
+def test_two_seeds_revoke_a_group_of_vehicles() -> None:
     j_value = bytes.fromhex("548F7017")
     value = linkage_values(after(GROUP_SEEDS, 3), [j_value])[0]
     for given_value, is_revoked in ((value, True), (bytes(9), False)):
@@ -359,7 +368,7 @@ contents = st.builds(
 )
 
 
-def _of_oracle(contents):
+def _of_oracle(contents: CrlContents) -> None:
     """Return the value of the oracle's `Contents`."""
     body = contents.body
     if isinstance(body, HashIdCrl):
@@ -408,13 +417,15 @@ def _of_oracle(contents):
 
 
 @given(contents)
-def test_lists_are_encoded_as_another_compiler_does_and_decoded_again(contents):
+def test_lists_are_encoded_as_another_compiler_does_and_decoded_again(
+    contents: CrlContents,
+) -> None:
     encoded = encode_crl(contents)
     assert encoded == ORACLE.encode("Contents", _of_oracle(contents))
     assert decode_crl(encoded) == contents
 
 
-def test_priorities_and_lists_of_several_in_a_group_are_read():
+def test_priorities_and_lists_of_several_in_a_group_are_read() -> None:
     value = _of_oracle(_contents(body=LinkageCrl(3, 1, ())))
     pairs = [{"seed1": bytes((n,)) * 16, "seed2": bytes((n + 1,)) * 16} for n in (1, 3)]
     periods = [{"iMax": i_max, "contents": pairs} for i_max in (5, 6)]
@@ -434,7 +445,9 @@ def test_priorities_and_lists_of_several_in_a_group_are_read():
 
 
 @given(st.booleans(), st.frozensets(st.integers(0, 65535), max_size=4))
-def test_the_permission_to_sign_is_encoded_as_another_compiler_does(is_craca, series):
+def test_the_permission_to_sign_is_encoded_as_another_compiler_does(
+    is_craca: bool, series: frozenset[Any] | frozenset[int]
+) -> None:
     ssp = CrlSsp(is_craca, series)
     role = "isCraca" if is_craca else "issuerIsCraca"
     value = {"version": 1, "role": role, "series": sorted(series)}
@@ -442,13 +455,15 @@ def test_the_permission_to_sign_is_encoded_as_another_compiler_does(is_craca, se
     assert decode_ssp(encode_ssp(ssp)) == ssp
 
 
-def test_the_permission_of_a_root_in_use_is_decoded():
+def test_the_permission_of_a_root_in_use_is_decoded() -> None:
     """Of rca.scms.co.kr (`ecqv_vectors`)."""
     assert decode_ssp(bytes.fromhex("00010001010100")) == CrlSsp(True, frozenset({256}))
 
 
 @given(st.binary(max_size=150), st.integers(0, 60), st.booleans())
-def test_any_bytes_raise_only_malformed_or_unsupported(noise, position, linked):
+def test_any_bytes_raise_only_malformed_or_unsupported(
+    noise: bytes, position: int, linked: bool
+) -> None:
     body = LinkageCrl(3, 1, (LinkedRevocation(4, 5, SEEDS),)) if linked else HashIdCrl(1, {})
     valid = encode_crl(_contents(body=body))
     for data in (noise, valid[:position] + noise + valid[position + len(noise) :]):
@@ -461,7 +476,7 @@ def test_any_bytes_raise_only_malformed_or_unsupported(noise, position, linked):
 
 
 @pytest.mark.parametrize("bit", [0x80, 0x08])
-def test_a_list_with_unknown_parts_is_unsupported(bit):
+def test_a_list_with_unknown_parts_is_unsupported(bit: int) -> None:
     """What it revokes would be overlooked otherwise."""
     data = bytearray(encode_crl(_contents(body=LinkageCrl(3, 1, ()))))
     data[21] |= bit
@@ -469,7 +484,7 @@ def test_a_list_with_unknown_parts_is_unsupported(bit):
         decode_crl(bytes(data))
 
 
-def test_issue_permissions_of_lists_reach_authorities_only():
+def test_issue_permissions_of_lists_reach_authorities_only() -> None:
     """A root grants vehicles no permission to sign lists."""
     grants = ROOT.credential.certificate.subject.issue_permissions
     assert IssuePermission(frozenset(), any_ssp=frozenset({CRL})) in grants

@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ FRAME = bsm.encode(BasicSafetyMessage(CoreData(5, b"abcd"), footer=bytes(200)))
 
 
 @pytest.fixture(scope="module")
-def packets(tmp_path_factory):
+def packets(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """With certificate; by digest; with expiry and location; unsecured."""
     if shutil.which("tshark") is None:
         pytest.skip("tshark is not installed")
@@ -41,7 +42,7 @@ def packets(tmp_path_factory):
     return [packet["_source"]["layers"] for packet in json.loads(output)]
 
 
-def values(tree, name):
+def values(tree: Any, name: str) -> list[str]:
     """Return every value of field `name` in a packet."""
     if isinstance(tree, list):
         return [value for item in tree for value in values(item, name)]
@@ -51,11 +52,11 @@ def values(tree, name):
     return own + [value for inner in tree.values() for value in values(inner, name)]
 
 
-def octets(text):
+def octets(text: str) -> bytes:
     return bytes.fromhex(text.replace(":", ""))
 
 
-def test_nothing_is_malformed_and_no_byte_is_left_over(packets):
+def test_nothing_is_malformed_and_no_byte_is_left_over(packets: Any) -> None:
     assert len(packets) == 4
     for packet in packets:
         text = json.dumps(packet)
@@ -65,12 +66,12 @@ def test_nothing_is_malformed_and_no_byte_is_left_over(packets):
         assert "data.data" not in text
 
 
-def test_the_payload_is_the_message_frame(packets):
+def test_the_payload_is_the_message_frame(packets: Any) -> None:
     for packet in packets:
         assert octets(values(packet, "ieee1609dot2.unsecuredData")[0]) == FRAME
 
 
-def test_the_header_has_the_encoded_values(packets):
+def test_the_header_has_the_encoded_values(packets: Any) -> None:
     for packet, tenths in zip(packets[:3], range(3), strict=True):
         assert values(packet, "ieee1609dot2.psid")[0] == str(BSM)
         expected = its_time.to_time64(UTC_S + tenths / 10)
@@ -87,7 +88,7 @@ def test_the_header_has_the_encoded_values(packets):
     ]
 
 
-def test_the_signer_is_the_certificate_or_its_digest(packets):
+def test_the_signer_is_the_certificate_or_its_digest(packets: Any) -> None:
     own = ALICE.pseudonyms[0].certificate
     first, second = packets[:2]
     issuer = octets(values(first, "ieee1609dot2.sha256AndDigest")[0])
@@ -103,7 +104,7 @@ def test_the_signer_is_the_certificate_or_its_digest(packets):
     assert octets(values(second, "ieee1609dot2.digest")[0]) == own.hashed_id8
 
 
-def test_a_certificate_on_disk_equals_the_transmitted_one():
+def test_a_certificate_on_disk_equals_the_transmitted_one() -> None:
     own = ALICE.pseudonyms[0].certificate
     data = security(ALICE).secure(FRAME, BSM, now=0.0)
     assert own.encoded in data

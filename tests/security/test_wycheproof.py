@@ -6,6 +6,8 @@ cannot be written down in it.
 
 import hashlib
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
@@ -40,8 +42,8 @@ def from_der(encoded: bytes) -> p256.Signature | None:
     ],
 )
 def test_every_signature_that_a_message_can_carry_is_judged_as_the_vectors_say(
-    rig_data, file, signature_in, carried
-):
+    rig_data: Path, file: str, signature_in: Callable[..., tuple[int, int] | None], carried: int
+) -> None:
     judged = []
     for group in json.loads((rig_data / "crypto" / file).read_text())["testGroups"]:
         key = p256.public_key(bytes.fromhex(group["publicKey"]["uncompressed"]))

@@ -1,15 +1,18 @@
 """Credentials of cars that trust each other, the same in every run."""
 
+from typing import Any
+
 import numpy as np
 
 from onboard.security import p256
+from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
 
 UTC_S = 1_790_000_000.0
 """UTC at monotonic time 0 in all of these tests."""
 BSM, LCCA = 0x20, 0x4020
-VALID = {"valid_from_utc_s": UTC_S - 3600, "valid_for_s": 86_400.0}
+VALID: dict[str, Any] = {"valid_from_utc_s": UTC_S - 3600, "valid_for_s": 86_400.0}
 
 new_key = p256.key_from(np.random.default_rng(1609))
 
@@ -20,11 +23,11 @@ ALICE, BOB, CAROL, DAVE = (
 )
 
 
-def security(credentials=None):
+def security(credentials: Credentials | None = None) -> SecurityServices:
     return SecurityServices(utc_offset_s=UTC_S, credentials=credentials)
 
 
-def reread(structure, data):
+def reread(structure: Any, data: bytes) -> Any:
     """Return what the oracle decodes of `data`, after it has encoded the same bytes again."""
     structure.from_coer(data)
     value = structure.get_val()

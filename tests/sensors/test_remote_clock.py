@@ -10,16 +10,18 @@ from onboard.sensors.remote_clock import RemoteClock
 UTC_S = 1.7e9
 
 
-def stamps(arrivals, latency_s=0.1, start_utc_s=UTC_S):
+def stamps(
+    arrivals: list[float], latency_s: float = 0.1, start_utc_s: float = UTC_S
+) -> list[float]:
     clock = RemoteClock(latency_s)
     return [clock.receive_stamp(start_utc_s + n, now) for n, now in enumerate(arrivals)]
 
 
-def test_without_jitter_a_stamp_is_the_arrival_minus_the_latency():
+def test_without_jitter_a_stamp_is_the_arrival_minus_the_latency() -> None:
     assert stamps([50.1, 51.1, 52.1]) == pytest.approx([50.0, 51.0, 52.0])
 
 
-def test_jitter_does_not_enter_the_stamp():
+def test_jitter_does_not_enter_the_stamp() -> None:
     """Late by up to 0.5 s, as on a slow serial line or a busy computer."""
     late = np.random.default_rng(1).uniform(0.0, 0.5, 300)
     late[::5] = 0.0
@@ -28,14 +30,14 @@ def test_jitter_does_not_enter_the_stamp():
     assert np.abs(errors).max() < 1e-6
 
 
-def test_a_drifting_clock_is_followed():
+def test_a_drifting_clock_is_followed() -> None:
     """100 ppm, the drift of a poor quartz: 6 ms a minute."""
     stamps_s = stamps([50.1 + n * (1 + 1e-4) for n in range(600)])
     errors = np.array(stamps_s) - (50.0 + np.arange(600) * (1 + 1e-4))
     assert np.abs(errors).max() < 0.0065
 
 
-def test_a_step_of_the_remote_clock_is_followed_at_once():
+def test_a_step_of_the_remote_clock_is_followed_at_once() -> None:
     """The receiver gets its leap seconds, then the right week."""
     clock = RemoteClock(0.1)
     assert clock.receive_stamp(UTC_S, 50.1) == pytest.approx(50.0)
@@ -44,7 +46,7 @@ def test_a_step_of_the_remote_clock_is_followed_at_once():
 
 
 @pytest.mark.parametrize("ahead_s", [0.1, 0.5, 1.9, 2.5, 60.0])
-def test_one_stamp_that_is_dated_ahead_does_not_make_the_next_ones_late(ahead_s):
+def test_one_stamp_that_is_dated_ahead_does_not_make_the_next_ones_late(ahead_s: float) -> None:
     """A faulty datagram, or one of another program on the machine."""
     clock = RemoteClock(0.1)
     for n in range(600):
@@ -55,7 +57,7 @@ def test_one_stamp_that_is_dated_ahead_does_not_make_the_next_ones_late(ahead_s)
         ahead_s += 0.06 * is_ahead
 
 
-def test_a_smaller_lateness_counts_from_the_second_stamp_on():
+def test_a_smaller_lateness_counts_from_the_second_stamp_on() -> None:
     clock = RemoteClock(0.1)
     assert clock.receive_stamp(UTC_S, 50.6) == pytest.approx(50.5)
     assert clock.receive_stamp(UTC_S + 1, 51.1) == pytest.approx(51.0)
@@ -63,7 +65,7 @@ def test_a_smaller_lateness_counts_from_the_second_stamp_on():
     assert clock.receive_stamp(UTC_S + 3, 53.4) == pytest.approx(53.0)
 
 
-def test_without_utc_the_arrival_counts():
+def test_without_utc_the_arrival_counts() -> None:
     assert RemoteClock(0.1).receive_stamp(None, 50.1) == pytest.approx(50.0)
 
 
@@ -72,7 +74,7 @@ def test_without_utc_the_arrival_counts():
         st.tuples(st.floats(0, 100), st.floats(0, 4e9), st.booleans()), min_size=1, max_size=40
     )
 )
-def test_a_stamp_is_never_later_than_its_arrival(steps):
+def test_a_stamp_is_never_later_than_its_arrival(steps: list[tuple[float, float, bool]]) -> None:
     clock = RemoteClock(0.1)
     now = 0.0
     for step_s, utc_s, is_known in steps:

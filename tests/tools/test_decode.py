@@ -2,11 +2,12 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import typer
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from onboard.errors import UserError
 from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
@@ -35,7 +36,7 @@ LEAVE_FIELDS = {
 }
 
 
-def unsecured(payload):
+def unsecured(payload: bytes) -> bytes:
     return ieee1609dot2.encode_unsecured(payload)
 
 
@@ -57,32 +58,32 @@ WSM_FIELDS = {
 }
 
 
-def test_a_wsm_is_described_layer_by_layer():
+def test_a_wsm_is_described_layer_by_layer() -> None:
     layers = describe(WSM)
     assert list(layers) == ["wsm", "1609.2", "lcca"]
     assert layers["wsm"] == WSM_FIELDS
     assert layers["lcca"] == LEAVE_FIELDS
 
 
-def test_each_layer_is_recognised_by_its_bytes():
+def test_each_layer_is_recognised_by_its_bytes() -> None:
     message = lcca.encode(LEAVE)
     assert describe(message) == {"lcca": LEAVE_FIELDS}
     assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
 
 
-def test_version_2_of_wsmp_is_recognised_beside_lcca_messages():
+def test_version_2_of_wsmp_is_recognised_beside_lcca_messages() -> None:
     layers = describe(bytes.fromhex("02 20 80 0004") + unsecured(b"\0"))
     assert list(layers)[:2] == ["wsm", "1609.2"]
     assert layers["wsm"]["version"] == lcca.VERSION == 2
 
 
-def test_a_repeated_layer_is_described_twice():
+def test_a_repeated_layer_is_described_twice() -> None:
     """A unit wraps data that was wrapped before."""
     layers = describe(unsecured(unsecured(lcca.encode(LEAVE))))
     assert list(layers) == ["1609.2", "1609.2 2", "lcca"]
 
 
-def test_an_immediate_forward_message_is_described_with_its_payload():
+def test_an_immediate_forward_message_is_described_with_its_payload() -> None:
     text = immediate_forward.encode(
         ImmediateForward("OTHER", 0x4020, 7, unsecured(lcca.encode(LEAVE)))
     )
@@ -99,7 +100,9 @@ def test_an_immediate_forward_message_is_described_with_its_payload():
         (psid.SPAT, spat.encode(crossing_spat()), 19, "spat"),
     ],
 )
-def test_messages_of_a_road_side_unit_are_described(service, frame, message_id, name):
+def test_messages_of_a_road_side_unit_are_described(
+    service: int, frame: bytes, message_id: int, name: str
+) -> None:
     layers = describe(wsmp.encode(WaveShortMessage(service, unsecured(frame))))
     assert list(layers) == ["wsm", "1609.2", "messageframe"]
     assert layers["wsm"]["psid_name"].startswith("intersection ")
@@ -109,7 +112,7 @@ def test_messages_of_a_road_side_unit_are_described(service, frame, message_id, 
     json.dumps(layers)
 
 
-def test_what_a_sensor_data_sharing_message_detects_is_described():
+def test_what_a_sensor_data_sharing_message_detects_is_described() -> None:
     frame = unsecured(sdsm.encode(MESSAGE))
     layers = describe(wsmp.encode(WaveShortMessage(psid.SENSOR_SHARING, frame)))
     assert layers["wsm"]["psid_name"] == "sensor sharing service"
@@ -121,14 +124,14 @@ def test_what_a_sensor_data_sharing_message_detects_is_described():
 FOOTER = mvs_footer.encode(MvsFooter(1_790_000_000_000, 25.0, 121.5, (b"abcd",), (), ()))
 
 
-def test_the_footer_of_a_bsm_is_a_layer_of_its_own():
+def test_the_footer_of_a_bsm_is_a_layer_of_its_own() -> None:
     core = CoreData(msg_cnt=5, temporary_id=b"abcd")
     layers = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER)))
     assert list(layers) == ["messageframe", "mvs_footer"]
     assert layers["mvs_footer"]["observers"] == [b"abcd".hex()]
 
 
-def test_a_bsm_with_an_invalid_footer_is_described():
+def test_a_bsm_with_an_invalid_footer_is_described() -> None:
     core = CoreData(msg_cnt=5, temporary_id=b"abcd")
     layers = describe(bsm.encode(BasicSafetyMessage(core, footer=FOOTER[:-1])))
     assert list(layers) == ["messageframe", "error", "undecoded"]
@@ -160,25 +163,27 @@ def test_a_bsm_with_an_invalid_footer_is_described():
         ("001f0100", Form.AUTO, [], ("messageframe", "unknown_message"), "001f0100"),
     ],
 )
-def test_an_error_names_layer_and_reason(data, form, decoded, layer_and_reason, undecoded):
+def test_an_error_names_layer_and_reason(
+    data: str, form: Form, decoded: list[str], layer_and_reason: tuple[str, str], undecoded: str
+) -> None:
     layers = describe(bytes.fromhex(data), form)
     assert list(layers) == [*decoded, "error", "undecoded"]
     assert (layers["error"]["layer"], layers["error"]["reason"]) == layer_and_reason
     assert layers["undecoded"] == undecoded
 
 
-def run(*arguments):
+def run(*arguments: Path) -> Result:
     app = typer.Typer()
     app.command()(decode)
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def records(result):
+def records(result: Result) -> None:
     assert result.exception is None, result.exception
     return [json.loads(line) for line in result.output.splitlines()]
 
 
-def test_hex_lines_give_one_object_or_error_a_line(tmp_path):
+def test_hex_lines_give_one_object_or_error_a_line(tmp_path: Path) -> None:
     file = tmp_path / "frames.hex"
     file.write_text(f"# recorded\n{WSM.hex()}\n\n0x{WSM.hex(':')}  # the same\nhello\n")
     first, second, third = records(run(file))
@@ -188,8 +193,10 @@ def test_hex_lines_give_one_object_or_error_a_line(tmp_path):
 
 
 @pytest.fixture
-def decoded_from_stdin(tmp_path, monkeypatch, capsys):
-    def decoded(data, form):
+def decoded_from_stdin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., list[dict[str, dict[str, int | str] | int]]]:
+    def decoded(data: bytes, form: Form) -> list[dict[str, dict[str, int | str] | int]]:
         file = tmp_path / "stdin"
         file.write_bytes(data)
         with file.open() as stdin:
@@ -200,12 +207,16 @@ def decoded_from_stdin(tmp_path, monkeypatch, capsys):
     return decoded
 
 
-def test_the_standard_input_with_a_given_form(decoded_from_stdin):
+def test_the_standard_input_with_a_given_form(
+    decoded_from_stdin: Callable[..., list[dict[str, dict[str, int | str] | int]]],
+) -> None:
     (layers,) = decoded_from_stdin(lcca.encode(LEAVE).hex().encode(), Form.LCCA)
     assert layers == {"line": 1, "lcca": LEAVE_FIELDS}
 
 
-def test_a_capture_gives_one_object_a_packet(tmp_path, decoded_from_stdin):
+def test_a_capture_gives_one_object_a_packet(
+    tmp_path: Path, decoded_from_stdin: Callable[..., list[dict[str, dict[str, int | str] | int]]]
+) -> None:
     file = tmp_path / "radio.pcap"
     with file.open("wb") as stream:
         writer = PcapWriter(stream)
@@ -221,7 +232,9 @@ def test_a_capture_gives_one_object_a_packet(tmp_path, decoded_from_stdin):
     ("content", "message"),
     [(None, "cannot be read: No such file"), (b"\xd4\xc3\xb2\xa1", "ends within a packet")],
 )
-def test_an_unreadable_file_is_a_user_error(tmp_path, content, message):
+def test_an_unreadable_file_is_a_user_error(
+    tmp_path: Path, content: bytes | None, message: str
+) -> None:
     file = tmp_path / "radio.pcap"
     if content is not None:
         file.write_bytes(content)
@@ -234,7 +247,7 @@ def test_an_unreadable_file_is_a_user_error(tmp_path, content, message):
 @pytest.mark.parametrize(
     "content", [b"hello\nworld\n", b"\x89PNG\r\n\x1a\n\0\0", b"car: {plate: A1}\n"]
 )
-def test_a_file_that_is_no_capture_ends_with_1_and_one_line(tmp_path, content):
+def test_a_file_that_is_no_capture_ends_with_1_and_one_line(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "picture.png"
     file.write_bytes(content)
     result = run(file)
@@ -243,14 +256,14 @@ def test_a_file_that_is_no_capture_ends_with_1_and_one_line(tmp_path, content):
 
 
 @pytest.mark.parametrize("content", [b"", b"# nothing recorded\n\n"])
-def test_a_file_without_messages_is_no_error(tmp_path, content):
+def test_a_file_without_messages_is_no_error(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "frames.hex"
     file.write_bytes(content)
     assert records(run(file)) == []
 
 
 @pytest.mark.realdata
-def test_80_real_message_frames_are_described_with_their_core_fields(rig_data):
+def test_80_real_message_frames_are_described_with_their_core_fields(rig_data: Path) -> None:
     lines = (rig_data / "wsm" / "bsm-vectors.jsonl").read_text().splitlines()
     assert len(lines) == 80
     for line in lines:
@@ -263,7 +276,9 @@ def test_80_real_message_frames_are_described_with_their_core_fields(rig_data):
 
 
 @pytest.mark.realdata
-def test_the_implicit_certificate_of_a_real_unit_is_described_field_by_field(rig_data):
+def test_the_implicit_certificate_of_a_real_unit_is_described_field_by_field(
+    rig_data: Path,
+) -> None:
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     signers = [
         describe(bytes.fromhex(json.loads(line)["wsm"]))["1609.2"]["signer"] for line in lines
@@ -295,12 +310,16 @@ def test_the_implicit_certificate_of_a_real_unit_is_described_field_by_field(rig
     }
 
 
-def _permission(psid, name, bitmap=None):
+def _permission(
+    psid: int, name: str | None, bitmap: str | None = None
+) -> dict[str, int | str | None]:
     return {"psid": psid, "psid_name": name, "ssp": bitmap, "is_bitmap_ssp": bitmap is not None}
 
 
 @pytest.mark.realdata
-def test_18_wsms_of_real_units_are_described_down_to_the_bsm_and_not_verified(rig_data):
+def test_18_wsms_of_real_units_are_described_down_to_the_bsm_and_not_verified(
+    rig_data: Path,
+) -> None:
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     assert len(lines) == 18
     reasons = set()

@@ -3,6 +3,8 @@
 import base64
 import struct
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -90,14 +92,14 @@ def single_hop(payload: bytes, port: int) -> bytes:
     return BASIC + common + position_vector() + bytes(4) + struct.pack(">HH", port, 0) + payload
 
 
-def write_capture(path, packet: bytes):
+def write_capture(path: Path, packet: bytes) -> Path:
     frame = b"\xff" * 6 + b"\x02\0\0\0\0\1" + ETHERTYPE_GEONETWORKING.to_bytes(2) + packet
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, LINKTYPE_ETHERNET)
     path.write_bytes(head + struct.pack("<IIII", 1, 0, len(frame), len(frame)) + frame)
     return path
 
 
-def numbers(tree, found=None) -> dict[str, set[int]]:
+def numbers(tree: Any, found: dict[str, set[int]] | None = None) -> dict[str, set[int]]:
     """All integers of a tree by the name of their field."""
     found = {} if found is None else found
     for name, value in tree.items() if isinstance(tree, dict) else ():
@@ -118,7 +120,7 @@ def numbers(tree, found=None) -> dict[str, set[int]]:
     ],
     ids=["vanetza", "cam with path history", "cam without altitude", "denm"],
 )
-def test_every_number_of_a_message_is_what_tshark_reads(packet, tmp_path) -> None:
+def test_every_number_of_a_message_is_what_tshark_reads(packet: bytes, tmp_path: Path) -> None:
     (theirs,) = tshark(write_capture(tmp_path / "its.pcap", packet))
     assert "_ws.malformed" not in theirs
     read = {}
@@ -133,7 +135,7 @@ def test_every_number_of_a_message_is_what_tshark_reads(packet, tmp_path) -> Non
 
 
 @needs_tshark
-def test_headers_are_what_tshark_reads(tmp_path) -> None:
+def test_headers_are_what_tshark_reads(tmp_path: Path) -> None:
     packet = geobroadcast(a_denm(), 2002)
     (theirs,) = tshark(write_capture(tmp_path / "its.pcap", packet))
     ours = describe(packet)["geonetworking"]
@@ -165,7 +167,7 @@ def test_in_1609_2_data_the_packet_goes_on_with_the_common_header() -> None:
     assert layers["its"] == describe(BASIC + COMMON)["its"]
 
 
-def test_a_capture_of_geonetworking_is_read(tmp_path) -> None:
+def test_a_capture_of_geonetworking_is_read(tmp_path: Path) -> None:
     path = write_capture(tmp_path / "its.pcap", BASIC + COMMON)
     result = CliRunner().invoke(app, ["decode", str(path)])
     assert result.exit_code == 0
@@ -173,7 +175,7 @@ def test_a_capture_of_geonetworking_is_read(tmp_path) -> None:
 
 
 @given(st.integers(0, len(COMMON) + 3), st.integers(0, 7), st.integers(0, len(COMMON) + 3))
-def test_damaged_packets_have_an_error_and_no_traceback(size, bit, at) -> None:
+def test_damaged_packets_have_an_error_and_no_traceback(size: int, bit: int, at: int) -> None:
     packet = bytearray(BASIC + COMMON)
     assert "error" in describe(bytes(packet[:size]), Form.GEONETWORKING)
     packet[at] ^= 1 << bit
@@ -191,7 +193,7 @@ def test_damaged_packets_have_an_error_and_no_traceback(size, bit, at) -> None:
         (BASIC + b"\x30\x50\0\0\0\1\1\0" + bytes(60), Form.AUTO, "ipv6"),
     ],
 )
-def test_what_is_not_read_is_named(data, form, detail) -> None:
+def test_what_is_not_read_is_named(data: bytes, form: Form, detail: str) -> None:
     assert describe(data, form)["error"]["detail"] == detail
 
 
@@ -202,7 +204,7 @@ def test_a_beacon_has_no_content() -> None:
     assert layers["geonetworking"]["source"]["speed_m_s"] == pytest.approx(-2.5)
 
 
-def test_without_the_extra_its_says_so(monkeypatch) -> None:
+def test_without_the_extra_its_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pycrate_asn1dir.ITS_CAM_2", None)
     layers = describe(BASIC + COMMON)
     assert layers["error"]["reason"] == "extra_missing"

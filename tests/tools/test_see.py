@@ -5,6 +5,7 @@ import re
 import textwrap
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -27,7 +28,7 @@ from onboard.vision.settings import Calibration
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, RENDERER, frames
 
-TAG = {"tag_id": 1, "tag_side_m": 0.4}
+TAG: dict[str, Any] = {"tag_id": 1, "tag_side_m": 0.4}
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,8 @@ from onboard.messages import map_data, spat
 from onboard.messages.map_data import ReferencePoint
 from onboard.observations import Position, Sensor
 from onboard.security import p256
+from onboard.security.credentials import Credentials
+from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
 from onboard.step import ReceivedWsm
@@ -29,7 +31,7 @@ TRIAL = make_trial(
 )
 
 
-def vehicle(credentials):
+def vehicle(credentials: Credentials | None) -> Stack:
     tree = {"car": {"plate": "AAA1"}, "security": {"plate_digest": {"scrypt_log2_n": 1}}}
     return Stack(
         parse_settings(tree, CarConfig, "car"),
@@ -41,7 +43,7 @@ def vehicle(credentials):
     )
 
 
-def events_of(stack, sender):
+def events_of(stack: Stack, sender: Credentials | None) -> None:
     """Drive 0.5 s eastwards on lane 1, 40 m before its stop line, and hear MAP and SPAT."""
     security = SecurityServices(SENT_UTC_S, sender)
     events = []
@@ -60,11 +62,17 @@ def events_of(stack, sender):
     return events
 
 
-def of_kind(events, kind):
+def of_kind(
+    events: map, kind: str
+) -> (
+    list[dict[str, float | list[str] | str]]
+    | list[dict[str, float | RejectionReason | str]]
+    | list[dict[str, float | str]]
+):
     return [each for each in events if each["kind"] == kind]
 
 
-def test_a_vehicle_knows_the_signal_ahead():
+def test_a_vehicle_knows_the_signal_ahead() -> None:
     events = events_of(vehicle(TRIAL["car"]), TRIAL["unit"])
     assert of_kind(events, "discarded") == []
     (shown,) = of_kind(events, "signal_ahead")
@@ -72,18 +80,18 @@ def test_a_vehicle_knows_the_signal_ahead():
     assert shown["states"] == ["protected_movement_allowed"]
 
 
-def test_with_keys_only_a_unit_with_its_permission_is_believed():
+def test_with_keys_only_a_unit_with_its_permission_is_believed() -> None:
     for sender, reason in ((None, "unsigned"), (TRIAL["other"], "wrong_psid")):
         events = events_of(vehicle(TRIAL["car"]), sender)
         assert of_kind(events, "signal_ahead") == []
         assert {each["reason"] for each in of_kind(events, "discarded")} == {reason}
 
 
-def test_without_keys_an_unsigned_unit_is_believed():
+def test_without_keys_an_unsigned_unit_is_believed() -> None:
     assert of_kind(events_of(vehicle(None), None), "signal_ahead")
 
 
-def test_a_map_of_another_town_is_discarded_with_its_reason():
+def test_a_map_of_another_town_is_discarded_with_its_reason() -> None:
     far = crossing_map()
     (crossing,) = far.intersections
     far = replace(far, intersections=(replace(crossing, ref_point=ReferencePoint(43.0, -83.0)),))

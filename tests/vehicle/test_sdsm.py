@@ -7,8 +7,11 @@ import pytest
 
 from onboard.messages import sdsm
 from onboard.messages.date_time import DateTime
+from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.observations import Position, Sensor
 from onboard.security import ieee1609dot2, p256
+from onboard.security.credentials import Credentials
+from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
 from onboard.step import ReceivedWsm
@@ -26,7 +29,7 @@ TRIAL = make_trial(
 )
 
 
-def vehicle(credentials=None, shared_in="footer"):
+def vehicle(credentials: Credentials | None = None, shared_in: str = "footer") -> Stack:
     tree = {
         "car": {"plate": "AAA1"},
         "security": {"plate_digest": {"scrypt_log2_n": 1}},
@@ -42,7 +45,9 @@ def vehicle(credentials=None, shared_in="footer"):
     )
 
 
-def discarded(stack, frame, sender=None):
+def discarded(
+    stack: Stack, frame: bytes, sender: Credentials | None = None
+) -> list[tuple[str, RejectionReason]] | list[tuple[str, str]]:
     """Let the vehicle, which has a position, receive a frame; return reasons of what it drops."""
     payload = ieee1609dot2.encode_unsecured(frame) if sender is None else None
     if payload is None:
@@ -54,32 +59,32 @@ def discarded(stack, frame, sender=None):
     return [(each["component"], each["reason"]) for each in records if each["kind"] == "discarded"]
 
 
-def of_now(message):
+def of_now(message: SensorDataSharingMessage) -> SensorDataSharingMessage:
     return replace(message, time=DateTime.of_utc(round((UTC_S + 0.1) * 1000)))
 
 
-def test_an_sdsm_of_a_vehicle_that_was_not_heard_is_not_placed():
+def test_an_sdsm_of_a_vehicle_that_was_not_heard_is_not_placed() -> None:
     assert discarded(vehicle(), sdsm.encode(of_now(MESSAGE))) == [("mvs", "unplaced_sender")]
 
 
-def test_one_of_a_road_side_unit_is_used():
+def test_one_of_a_road_side_unit_is_used() -> None:
     unit = replace(of_now(MESSAGE), equipment=sdsm.EquipmentType.RSU)
     assert discarded(vehicle(), sdsm.encode(unit)) == []
     assert discarded(vehicle(TRIAL["car"]), sdsm.encode(unit), TRIAL["other"]) == []
 
 
-def test_with_keys_only_a_sender_with_the_permission_is_believed():
+def test_with_keys_only_a_sender_with_the_permission_is_believed() -> None:
     frame = sdsm.encode(of_now(MESSAGE))
     assert discarded(vehicle(TRIAL["car"]), frame) == [("security", "unsigned")]
 
 
-def test_bytes_that_are_no_sdsm_are_counted():
+def test_bytes_that_are_no_sdsm_are_counted() -> None:
     frame = sdsm.encode(MESSAGE)
     assert discarded(vehicle(), b"\x00\x14\x00") == [("sdsm", "not_a_sdsm")]
     assert discarded(vehicle(), frame[:-4]) == [("sdsm", "too_short")]
 
 
-def test_a_second_signer_with_the_id_of_another_is_not_believed():
+def test_a_second_signer_with_the_id_of_another_is_not_believed() -> None:
     car = vehicle(TRIAL["car"])
     unit = replace(of_now(MESSAGE), equipment=sdsm.EquipmentType.RSU)
     assert discarded(car, sdsm.encode(unit), TRIAL["other"]) == []
@@ -92,7 +97,9 @@ def test_a_second_signer_with_the_id_of_another_is_not_believed():
     ("shared_in", "psids"),
     [("footer", {psid.LCCA, psid.BSM}), ("sdsm", psid.OF_VEHICLES), ("both", psid.OF_VEHICLES)],
 )
-def test_the_keys_must_permit_what_is_sent(shared_in, psids):
+def test_the_keys_must_permit_what_is_sent(
+    shared_in: str, psids: frozenset[int] | set[int]
+) -> None:
     config = parse_settings(
         {"car": {"plate": "AAA1"}, "mvs": {"shared_in": shared_in}}, CarConfig, "car"
     )

@@ -245,7 +245,9 @@ def test_a_web_page_is_no_camera(tmp_path: Path) -> None:
     server.server_close()
 
 
-def test_a_live_stream_gives_the_newest_frame_on_the_monotonic_clock(serve) -> None:
+def test_a_live_stream_gives_the_newest_frame_on_the_monotonic_clock(
+    serve: Callable[..., str],
+) -> None:
     before_s = time.monotonic()
     source = open_frames(
         settings(serve([[part(jpeg(uniform_image(level))) for level in range(0, 250, 5)]]))
@@ -262,7 +264,7 @@ def test_a_live_stream_gives_the_newest_frame_on_the_monotonic_clock(serve) -> N
     assert stamps == sorted(stamps)
 
 
-def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve) -> None:
+def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve: Callable[..., str]) -> None:
     torn = jpeg(uniform_image(90))[:-40]
     source = open_frames(settings(serve([[part(torn), b"--picture"]])))
 
@@ -270,7 +272,7 @@ def test_a_truncated_image_in_a_live_stream_is_an_empty_frame(serve) -> None:
     source.close()
 
 
-def test_a_stream_that_ends_is_reopened(serve) -> None:
+def test_a_stream_that_ends_is_reopened(serve: Callable[..., str]) -> None:
     url = serve(
         [
             [part(jpeg(uniform_image(50)))],
@@ -310,7 +312,7 @@ def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> 
     return events
 
 
-def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve) -> None:
+def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve: Callable[..., str]) -> None:
     scene = Scene(cars=(SceneCar(12.0, tag_id=4, tag_side_m=0.4),))
     drive = [jpeg(image) for _, image in frames(lambda _: scene, 0.8)]
     # A slow thread may receive only the newest of these; each connection repeats them.

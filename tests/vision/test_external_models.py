@@ -1,6 +1,7 @@
 """Models of the user's: loaded by OpenCV, with their boxes located in metres."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from tests.vision.drive import CAMERA
 from tests.vision.onnx_by_hand import write_red_square_detector, write_yolox_like
 
 
-def model(tmp_path: Path, **changes: object) -> VehicleModelSettings:
+def model(tmp_path: Path, **changes: Any) -> VehicleModelSettings:
     write_red_square_detector(tmp_path / "squares.onnx", box_px=8.0)
     given = {
         "file": tmp_path / "squares.onnx",

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from onboard.vision.lane import HostLane, LaneMarkingDetector, LaneShape
 from onboard.vision.perspective import Perspective
@@ -13,7 +14,9 @@ LANE_M = 3.5
 FINDER = LaneMarkingDetector(Perspective(CAMERA), LANE_M)
 
 
-def painted(shape: LaneShape, *, dashed: bool = False, lines: tuple[float, ...] = (-0.5, 0.5)):
+def painted(
+    shape: LaneShape, *, dashed: bool = False, lines: tuple[float, ...] = (-0.5, 0.5)
+) -> NDArray[np.uint8]:
     """A dark road with the lane's lines, each 0.15 m wide."""
     image = np.full((540, 960, 3), 90, np.uint8)
     for line in lines:

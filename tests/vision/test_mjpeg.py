@@ -1,6 +1,7 @@
 """JPEGs of multipart streams, in the formats of different cameras."""
 
 import itertools
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -40,14 +41,16 @@ def bodies_of(stream: bytes, cuts: list[int], boundary: bytes = b"frame") -> lis
 
 @pytest.mark.parametrize("part", [stated, unstated, wrongly_stated])
 @given(bodies=st.lists(BODIES, max_size=5), cuts=st.lists(st.integers(0, 1000), max_size=10))
-def test_each_image_is_returned_once_however_the_bytes_are_split(part, bodies, cuts) -> None:
+def test_each_image_is_returned_once_however_the_bytes_are_split(
+    part: Callable[..., bytes], bodies: list[bytes], cuts: list[int]
+) -> None:
     stream = b"".join(part(body) for body in bodies) + b"--frame--\r\n"
 
     assert bodies_of(stream, cuts) == bodies
 
 
 @pytest.mark.parametrize("part", [stated, unstated])
-def test_an_image_is_returned_before_the_next_begins(part) -> None:
+def test_an_image_is_returned_before_the_next_begins(part: Callable[..., bytes]) -> None:
     assert bodies_of(part(b"\xff\xd8picture\xff\xd9"), []) == [b"\xff\xd8picture\xff\xd9"]
 
 

@@ -13,7 +13,7 @@ from onboard.vision.perception import Networks, Perception
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
-from sim_rig.rendering.plate_art import EU, FORMATS, draw_plate
+from sim_rig.rendering.plate_art import EU, FORMATS, PlateFormat, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
 from tests.vision.drive import Observed, frames, observe
 
@@ -46,7 +46,7 @@ def test_the_lead_is_identified_within_a_second_in_any_light(light: Light) -> No
 
 
 @pytest.mark.parametrize("plate_format", FORMATS.values(), ids=FORMATS)
-def test_the_width_of_a_plate_follows_from_its_shape(plate_format) -> None:
+def test_the_width_of_a_plate_follows_from_its_shape(plate_format: PlateFormat) -> None:
     observed = drive(SceneCar(8.0, plate=OURS, plate_format=plate_format))
 
     assert observed.leads[-1].gap_m == pytest.approx(8.0, rel=0.1)

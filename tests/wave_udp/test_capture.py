@@ -7,6 +7,7 @@ import struct
 import subprocess
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -39,7 +40,7 @@ WSMS = [
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 
 
-def write_pcap(path, frames):
+def write_pcap(path: Path, frames: list[bytes] | map) -> Path:
     with path.open("wb") as file:
         writer = PcapWriter(file)
         for number, frame in enumerate(frames):
@@ -47,14 +48,16 @@ def write_pcap(path, frames):
     return path
 
 
-def tshark(path, *options):
+def tshark(
+    path: Path, *options: str
+) -> list[dict[str, list[dict[str, Any | str]] | list[dict[str, str]] | list[str]]]:
     """Return the fields that tshark decodes of each packet, as `{field: [value, ...]}`."""
     command = ["tshark", "-n", "-r", path, "-T", "json", "--no-duplicate-keys", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     return [gather(packet["_source"]["layers"], {}) for packet in json.loads(done.stdout)]
 
 
-def gather(tree, found):
+def gather(tree: Any, found: Any) -> Any:
     if isinstance(tree, dict):
         for key, value in tree.items():
             found.setdefault(key, []).extend(value if isinstance(value, list) else [value])
@@ -65,7 +68,7 @@ def gather(tree, found):
     return found
 
 
-def expected_fields(wsm):
+def expected_fields(wsm: WaveShortMessage) -> dict[str, list[str]]:
     elements = [
         (15, wsm.channel_number),
         (16, None if wsm.data_rate_mbit_s is None else int(wsm.data_rate_mbit_s * 2)),
@@ -84,7 +87,7 @@ def expected_fields(wsm):
     }
 
 
-def assert_as_meant(fields, wsm):
+def assert_as_meant(fields: Any, wsm: WaveShortMessage) -> None:
     for name, values in expected_fields(wsm).items():
         assert fields.get(name, []) == values, (name, wsm)
     assert "_ws.malformed" not in fields, wsm
@@ -93,7 +96,7 @@ def assert_as_meant(fields, wsm):
 
 
 @needs_tshark
-def test_tshark_decodes_each_field_of_a_wsm_and_finds_nothing_malformed(tmp_path):
+def test_tshark_decodes_each_field_of_a_wsm_and_finds_nothing_malformed(tmp_path: Path) -> None:
     path = write_pcap(tmp_path / "ours.pcap", map(encode, WSMS))
     packets = tshark(path)
     assert len(packets) == len(WSMS)
@@ -105,7 +108,7 @@ def test_tshark_decodes_each_field_of_a_wsm_and_finds_nothing_malformed(tmp_path
 
 
 @needs_tshark
-def test_with_the_lua_file_tshark_decodes_wsms_inside_udp(tmp_path):
+def test_with_the_lua_file_tshark_decodes_wsms_inside_udp(tmp_path: Path) -> None:
     path = tmp_path / "udp.pcap"
     wsms = [wsm for wsm in WSMS if len(wsm.payload) < 1500]
     path.write_bytes(pcap_of([ethernet_udp(encode(wsm)) for wsm in wsms]))
@@ -115,7 +118,7 @@ def test_with_the_lua_file_tshark_decodes_wsms_inside_udp(tmp_path):
 
 
 @needs_tshark
-def test_the_lua_file_leaves_other_datagrams_alone(tmp_path):
+def test_the_lua_file_leaves_other_datagrams_alone(tmp_path: Path) -> None:
     others = ["", "03", "0bbfff0f01", "0300ff00", "030020c000", "0300200561", "0b010f", "03002080"]
     datagrams = [bytes.fromhex(digits) for digits in others] + [b"Version=0.7\n", bytes(1000)]
     path = tmp_path / "udp.pcap"
@@ -126,7 +129,7 @@ def test_the_lua_file_leaves_other_datagrams_alone(tmp_path):
 
 @needs_tshark
 @pytest.mark.realdata
-def test_wsms_of_real_units_encoded_again_are_well_formed(rig_data, tmp_path):
+def test_wsms_of_real_units_encoded_again_are_well_formed(rig_data: Path, tmp_path: Path) -> None:
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     frames = [bytes.fromhex(json.loads(line)["wsm"]) for line in lines]
     packets = tshark(write_pcap(tmp_path / "real.pcap", frames))
@@ -136,11 +139,11 @@ def test_wsms_of_real_units_encoded_again_are_well_formed(rig_data, tmp_path):
         assert "ieee1609dot2.signedData_element" in fields
 
 
-def ethernet(ethertype, content):
+def ethernet(ethertype: int, content: bytes) -> bytes:
     return b"\xff" * 6 + SENDER + ethertype.to_bytes(2) + content
 
 
-def ipv4_udp(content, protocol=17):
+def ipv4_udp(content: bytes, protocol: int = 17) -> bytes:
     udp = struct.pack(">HHHH", 40_000, 40_001, 8 + len(content), 0) + content
     local = socket.inet_aton("127.0.0.1")
     head = struct.pack(
@@ -149,23 +152,29 @@ def ipv4_udp(content, protocol=17):
     return head + udp
 
 
-def ipv6_udp(content):
+def ipv6_udp(content: bytes) -> bytes:
     udp = struct.pack(">HHHH", 40_000, 40_001, 8 + len(content), 0) + content
     return struct.pack(">IHBB32s", 6 << 28, len(udp), 17, 64, bytes(32)) + udp
 
 
-def ethernet_udp(content):
+def ethernet_udp(content: bytes) -> bytes:
     return ethernet(0x0800, ipv4_udp(content))
 
 
-def pcap_of(frames, link_type=1, order="<", magic=0xA1B2C3D4, fraction=250_000):
+def pcap_of(
+    frames: list[bytes] | map,
+    link_type: int = 1,
+    order: str = "<",
+    magic: int = 0xA1B2C3D4,
+    fraction: int = 250_000,
+) -> bytes:
     data = struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, 65_535, link_type)
     for frame in frames:
         data += struct.pack(order + "IIII", int(UTC_S), fraction, len(frame), len(frame)) + frame
     return data
 
 
-def messages(data):
+def messages(data: bytes) -> list[bytes | None] | None:
     return [packet.message for packet in read_capture(data)]
 
 
@@ -173,7 +182,7 @@ WSM = encode(WSMS[0])
 
 
 @given(st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**32 - 1)), max_size=5))
-def test_a_written_capture_is_read_back(written):
+def test_a_written_capture_is_read_back(written: list[tuple[bytes, int]]) -> None:
     file = BytesIO()
     writer = PcapWriter(file)
     for wsm, seconds in written:
@@ -183,7 +192,7 @@ def test_a_written_capture_is_read_back(written):
     ]
 
 
-def test_both_byte_orders_and_both_clocks_of_pcap():
+def test_both_byte_orders_and_both_clocks_of_pcap() -> None:
     for order in "<>":
         for magic, fraction in ((0xA1B2C3D4, 250_000), (0xA1B23C4D, 250_000_000)):
             data = pcap_of([ethernet(0x88DC, WSM)], 1, order, magic, fraction)
@@ -205,7 +214,9 @@ def test_both_byte_orders_and_both_clocks_of_pcap():
         pytest.param(1, ethernet(0x0800, b""), None, id="IP without its header"),
     ],
 )
-def test_a_message_is_found_in_each_kind_of_frame(link_type, frame, message):
+def test_a_message_is_found_in_each_kind_of_frame(
+    link_type: int, frame: bytes, message: bytes | None
+) -> None:
     assert messages(pcap_of([frame], link_type)) == [message]
 
 
@@ -214,11 +225,11 @@ ADDRESSES = b"\xff" * 6 + SENDER + b"\xff" * 6
 SNAP = bytes.fromhex("aaaa03000000")
 
 
-def wlan(content, control="0800", more=b""):
+def wlan(content: bytes, control: str = "0800", more: bytes = b"") -> bytes:
     return bytes.fromhex(control) + bytes(2) + ADDRESSES + bytes(2) + more + content
 
 
-def radiotap(frame, fields=b"", present=0):
+def radiotap(frame: bytes, fields: bytes = b"", present: int = 0) -> bytes:
     return struct.pack("<BBHI", 0, 0, 8 + len(fields), present) + fields + frame
 
 
@@ -245,7 +256,7 @@ WLAN_FRAMES = {
 
 
 @pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
-def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type, frame):
+def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type: int, frame: bytes) -> None:
     (message,) = messages(pcap_of([frame], link_type))
     assert message is not None
     assert message.removesuffix(bytes(4)) == WSM
@@ -254,14 +265,14 @@ def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type, frame):
 @pytest.mark.long
 @needs_tshark
 @pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
-def test_tshark_finds_the_wsm_in_the_same_802_11_frame(tmp_path, link_type, frame):
+def test_tshark_finds_the_wsm_in_the_same_802_11_frame(tmp_path: Path, link_type, frame) -> None:
     path = tmp_path / "wlan.pcap"
     path.write_bytes(pcap_of([frame], link_type))
     (fields,) = tshark(path)
     assert fields["wsmp.psid"] == ["0x00000020"]
 
 
-def test_without_llc_an_ethertype_begins_the_content():
+def test_without_llc_an_ethertype_begins_the_content() -> None:
     """EtherType protocol discrimination (IEEE 802-2014, 9.2)."""
     assert messages(pcap_of([wlan(WAVE)], 105)) == [WSM]
 
@@ -282,19 +293,19 @@ def test_without_llc_an_ethertype_begins_the_content():
     ids=["beacon", "no data", "encrypted", "cut", "empty", "cut radiotap", "long radiotap", "none",
          "TCP"],
 )  # fmt: skip
-def test_other_frames_have_no_message(link_type, frame):
+def test_other_frames_have_no_message(link_type: int, frame: bytes) -> None:
     assert messages(pcap_of([frame], link_type)) == [None]
 
 
 @pytest.mark.parametrize("link_type", [12, 14, 101, 228, 229])
-def test_udp_is_found_in_packets_without_link_layer(link_type):
+def test_udp_is_found_in_packets_without_link_layer(link_type: int) -> None:
     packet = ipv6_udp(b"abc") if link_type == 229 else ipv4_udp(b"abc")
     assert messages(pcap_of([packet], link_type)) == [b"abc"]
     assert messages(pcap_of([ipv6_udp(b"abc")], 101)) == [b"abc"]
 
 
 @needs_tshark
-def test_pcapng_as_wireshark_writes_it(tmp_path):
+def test_pcapng_as_wireshark_writes_it(tmp_path: Path) -> None:
     ours = write_pcap(tmp_path / "ours.pcap", [WSM, encode(WSMS[2])])
     theirs = tmp_path / "theirs.pcapng"
     subprocess.run(["tshark", "-r", ours, "-F", "pcapng", "-w", theirs], check=True,
@@ -303,14 +314,16 @@ def test_pcapng_as_wireshark_writes_it(tmp_path):
     assert list(read_capture(theirs.read_bytes())) == list(read_capture(ours.read_bytes()))
 
 
-def block(block_type, body, order):
+def block(block_type: int, body: bytes, order: str) -> bytes:
     size = len(body) + 12
     return struct.pack(order + "II", block_type, size) + body + struct.pack(order + "I", size)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize(("resolution", "unit_s"), [(None, 1e-6), (9, 1e-9), (0x80 | 10, 2**-10)])
-def test_pcapng_with_any_byte_order_and_clock(order, resolution, unit_s):
+def test_pcapng_with_any_byte_order_and_clock(
+    order: str, resolution: int | None, unit_s: float
+) -> None:
     frame = ethernet(0x88DC, WSM)
     frame += bytes(-len(frame) % 4)
     ticks = round(UTC_S / unit_s)
@@ -343,6 +356,6 @@ def test_pcapng_with_any_byte_order_and_clock(order, resolution, unit_s):
         (struct.pack("<II", 0x0A0D0D0A, 0) + b"\x4d\x3c\x2b\x1a", "a block of 0 bytes"),
     ],
 )  # fmt: skip
-def test_an_invalid_capture_is_an_error_that_names_the_fault(data, message):
+def test_an_invalid_capture_is_an_error_that_names_the_fault(data: bytes, message: str) -> None:
     with pytest.raises(CaptureError, match=message):
         messages(data)

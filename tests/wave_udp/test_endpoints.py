@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import textwrap
+from collections.abc import Iterator
 from ipaddress import IPv4Address
 
 import pytest
@@ -21,7 +22,7 @@ WSM = wsmp.encode(WaveShortMessage(0x20, bytes.fromhex("0380 04 00140100")))
 
 
 @pytest.fixture
-def unit():
+def unit() -> Iterator[socket.socket]:
     """The radio unit's socket."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
@@ -31,22 +32,24 @@ def unit():
 
 
 @pytest.fixture
-def free_port():
+def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
         return wire.getsockname()[1]
 
 
-def iwcu(unit_port, listen_port):
+def iwcu(unit_port: int, listen_port: int) -> IwcuSettings:
     return IwcuSettings(endpoint="iwcu", unit_port=unit_port, listen_port=listen_port)
 
 
-async def received(settings, datagrams, count):
+async def received(
+    settings: IwcuSettings | Rsu41Settings, datagrams: list[bytes], count: int
+) -> list[bytes]:
     """Return what an endpoint passes on when `datagrams` are sent to its port."""
     loop = asyncio.get_running_loop()
     got, all_there = [], asyncio.Event()
 
-    def on_wsm(data):
+    def on_wsm(data: bytes) -> None:
         got.append(data)
         if len(got) == count:
             all_there.set()
@@ -62,8 +65,8 @@ async def received(settings, datagrams, count):
 
 @pytest.mark.parametrize("user_priority", range(8))
 def test_iwcu_sends_the_wsm_alone_with_its_priority_as_ip_precedence(
-    unit, free_port, user_priority
-):
+    unit: socket.socket, free_port: int, user_priority: int
+) -> None:
     with contextlib.closing(open_endpoint(iwcu(unit.getsockname()[1], free_port), print)) as wire:
         wire.send(WSM, user_priority)
         datagram, ancillary, _, _ = unit.recvmsg(65_535, socket.CMSG_SPACE(1))
@@ -71,19 +74,19 @@ def test_iwcu_sends_the_wsm_alone_with_its_priority_as_ip_precedence(
     assert ancillary == [(socket.IPPROTO_IP, socket.IP_TOS, bytes((user_priority << 5,)))]
 
 
-def test_iwcu_passes_on_datagrams_in_order_malformed_ones_included(free_port):
+def test_iwcu_passes_on_datagrams_in_order_malformed_ones_included(free_port: int) -> None:
     datagrams = [WSM, b"", b"garbage", WSM + b"\0"]
     assert asyncio.run(received(iwcu(9, free_port), datagrams, 4)) == datagrams
 
 
-def test_datagrams_of_another_host_than_the_units_are_not_taken(free_port):
+def test_datagrams_of_another_host_than_the_units_are_not_taken(free_port: int) -> None:
     """On loopback, every address of 127.0.0.0/8 is a host."""
     settings = IwcuSettings(endpoint="iwcu", unit_port=9, listen_port=free_port)
 
-    async def taken():
+    async def taken() -> list[bytes]:
         got, arrived = [], asyncio.Event()
 
-        def on_wsm(data):
+        def on_wsm(data: bytes) -> None:
             got.append(data)
             arrived.set()
 
@@ -99,14 +102,14 @@ def test_datagrams_of_another_host_than_the_units_are_not_taken(free_port):
     assert asyncio.run(taken()) == [WSM]
 
 
-def test_a_burst_of_2000_is_drained_without_loss(free_port):
+def test_a_burst_of_2000_is_drained_without_loss(free_port: int) -> None:
     datagrams = [n.to_bytes(4) + bytes(300) for n in range(2000)]
 
-    async def burst():
+    async def burst() -> list[bytes] | None:
         loop = asyncio.get_running_loop()
         got, all_there = [], asyncio.Event()
 
-        def on_wsm(data):
+        def on_wsm(data: bytes) -> None:
             got.append(data)
             if len(got) == len(datagrams):
                 all_there.set()
@@ -124,8 +127,8 @@ def test_a_burst_of_2000_is_drained_without_loss(free_port):
     assert asyncio.run(burst()) == datagrams
 
 
-def test_an_unreachable_unit_does_not_stop_sending(free_port):
-    async def talk():
+def test_an_unreachable_unit_does_not_stop_sending(free_port: int) -> None:
+    async def talk() -> bytes:
         got = asyncio.get_running_loop().create_future()
         with contextlib.closing(
             open_endpoint(iwcu(unit_port=9, listen_port=free_port), got.set_result)
@@ -140,11 +143,13 @@ def test_an_unreachable_unit_does_not_stop_sending(free_port):
 
 
 @pytest.mark.parametrize(("kind", "endpoint"), [(IwcuSettings, "iwcu"), (Rsu41Settings, "rsu41")])
-def test_an_unreachable_unit_is_reported_once_a_datagram(kind, endpoint, free_port):
+def test_an_unreachable_unit_is_reported_once_a_datagram(
+    kind: type[IwcuSettings] | type[Rsu41Settings], endpoint: str, free_port: int
+) -> None:
     """An ICMP error wakes the loop once, not again and again."""
     settings = kind(endpoint=endpoint, unit_port=9, listen_port=free_port)
 
-    async def talk():
+    async def talk() -> tuple[list[str], int] | None:
         reports = asyncio.Queue()
         loop = asyncio.get_running_loop()
         with contextlib.closing(open_endpoint(settings, print, reports.put_nowait)) as wire:
@@ -162,8 +167,8 @@ def test_an_unreachable_unit_is_reported_once_a_datagram(kind, endpoint, free_po
     assert more == 0
 
 
-def test_no_callback_comes_after_close(free_port):
-    async def talk():
+def test_no_callback_comes_after_close(free_port: int) -> None:
+    async def talk() -> list[bytes] | None:
         got = []
         endpoint = open_endpoint(iwcu(9, free_port), lambda data: (got.append(data), close()))
         close = endpoint.close
@@ -180,7 +185,7 @@ def test_no_callback_comes_after_close(free_port):
     assert asyncio.run(talk()) == [WSM]
 
 
-def test_a_port_in_use_is_an_error_of_one_line(unit):
+def test_a_port_in_use_is_an_error_of_one_line(unit: socket.socket) -> None:
     port = unit.getsockname()[1]
     with pytest.raises(RadioError) as refused:
         open_endpoint(iwcu(9, port), print)
@@ -189,7 +194,7 @@ def test_a_port_in_use_is_an_error_of_one_line(unit):
     )
 
 
-def test_a_foreign_address_is_an_error_of_one_line(free_port):
+def test_a_foreign_address_is_an_error_of_one_line(free_port: int) -> None:
     settings = Rsu41Settings(
         endpoint="rsu41", listen_host=IPv4Address("192.0.2.1"), listen_port=free_port
     )
@@ -197,7 +202,7 @@ def test_a_foreign_address_is_an_error_of_one_line(free_port):
         open_endpoint(settings, print)
 
 
-def test_rsu41_sends_the_text_datagram(unit, free_port):
+def test_rsu41_sends_the_text_datagram(unit: socket.socket, free_port: int) -> None:
     settings = Rsu41Settings(
         endpoint="rsu41", unit_port=unit.getsockname()[1], listen_port=free_port
     )
@@ -208,7 +213,7 @@ def test_rsu41_sends_the_text_datagram(unit, free_port):
     assert message.payload == wsmp.decode(WSM).payload
 
 
-def test_rsu41_passes_on_forwarded_packets_with_and_without_header(free_port):
+def test_rsu41_passes_on_forwarded_packets_with_and_without_header(free_port: int) -> None:
     settings = Rsu41Settings(endpoint="rsu41", listen_port=free_port, forwarded_psid=0x20)
     forwarded = [WSM, wsmp.decode(WSM).payload]
     assert asyncio.run(received(settings, forwarded, 2)) == [WSM, WSM]
@@ -218,7 +223,7 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="link-layer sockets ne
 
 
 @needs_root
-def test_a_missing_interface_is_an_error_of_one_line():
+def test_a_missing_interface_is_an_error_of_one_line() -> None:
     with pytest.raises(RadioError) as refused:
         open_endpoint(RawSettings(endpoint="raw", interface="nosuch0"), print)
     assert str(refused.value) == "radio: no interface nosuch0: No such device"
@@ -275,7 +280,7 @@ RAW_TALK = textwrap.dedent(
 
 
 @needs_root
-def test_raw_carries_wsms_over_a_veth_pair_of_any_size_and_priority():
+def test_raw_carries_wsms_over_a_veth_pair_of_any_size_and_priority() -> None:
     make = "ip link add car0 type veth peer name car1 && ip link set car0 up && ip link set car1 up"
     allowed = subprocess.run(["unshare", "-n", "sh", "-c", make], capture_output=True, check=False)
     if allowed.returncode:

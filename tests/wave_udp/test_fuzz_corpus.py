@@ -11,12 +11,12 @@ from onboard.security.security_services import NotTrusted
 CORPUS = Path(__file__).parents[2] / "fuzz" / "corpus"
 
 
-def test_every_target_has_a_corpus_and_every_corpus_a_target():
+def test_every_target_has_a_corpus_and_every_corpus_a_target() -> None:
     assert {folder.name for folder in CORPUS.iterdir()} == set(TARGETS)
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_the_corpus_raises_nothing_undeclared(name):
+def test_the_corpus_raises_nothing_undeclared(name: str) -> None:
     inputs = [path.read_bytes() for path in sorted((CORPUS / name).iterdir())]
     assert inputs
     for data in inputs:
@@ -25,7 +25,7 @@ def test_the_corpus_raises_nothing_undeclared(name):
 
 
 @pytest.mark.parametrize("name", ["certificate", "implicit"])
-def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature(name):
+def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature(name: str) -> None:
     """Otherwise the fuzzer starts from bytes that the first check refuses."""
     read = TARGETS["ieee1609dot2"].read
     with contextlib.suppress(NotTrusted):  # had before, where another test has fed it
@@ -35,7 +35,7 @@ def test_signed_messages_of_the_corpus_pass_all_checks_of_the_signature(name):
     assert refused.value.reason == "replay"
 
 
-def test_an_exception_that_a_target_does_not_declare_is_raised():
+def test_an_exception_that_a_target_does_not_declare_is_raised() -> None:
     target = Target({}.__getitem__, declared=(ValueError,))
     with pytest.raises(KeyError):
         target.feed(b"")

@@ -29,20 +29,22 @@ REGISTERED = {
 
 
 @pytest.mark.parametrize(("value", "octets"), REGISTERED.items())
-def test_registered_values(value, octets):
+def test_registered_values(value: int, octets: str) -> None:
     assert p_encode(value).hex() == octets
     assert p_decode(bytes.fromhex(octets)) == (value, len(octets) // 2)
 
 
 @given(st.integers(0, psid.HIGHEST), st.binary(max_size=4), st.binary(max_size=4))
-def test_an_encoded_psid_is_decoded_at_any_position(value, before, after):
+def test_an_encoded_psid_is_decoded_at_any_position(
+    value: int, before: bytes, after: bytes
+) -> None:
     octets = p_encode(value)
     data = before + octets + after
     assert p_decode(data, len(before)) == (value, len(before) + len(octets))
 
 
 @given(st.binary(min_size=1, max_size=4))
-def test_every_value_has_one_encoding(data):
+def test_every_value_has_one_encoding(data: bytes) -> None:
     try:
         value, end = p_decode(data)
     except DecodeError:
@@ -61,19 +63,19 @@ def test_every_value_has_one_encoding(data):
         ("ff", "bad_psid"),
     ],
 )
-def test_invalid_psid_bytes_are_refused(octets, reason):
+def test_invalid_psid_bytes_are_refused(octets: str, reason: str) -> None:
     with pytest.raises(DecodeError) as refused:
         p_decode(bytes.fromhex(octets))
     assert refused.value.reason == reason
 
 
 @pytest.mark.parametrize("value", [-1, psid.HIGHEST + 1])
-def test_a_psid_beyond_the_range_is_a_value_error(value):
+def test_a_psid_beyond_the_range_is_a_value_error(value: int) -> None:
     with pytest.raises(ValueError, match="a PSID is 0 to 0x1020407f"):
         p_encode(value)
 
 
-def test_the_lcca_psid_is_in_the_range_for_unregistered_use():
+def test_the_lcca_psid_is_in_the_range_for_unregistered_use() -> None:
     assert psid.LCCA in psid.PRIVATE_USE
     assert len(psid.PRIVATE_USE) == 64
     assert p_encode(psid.PRIVATE_USE[0]).hex() == "bfa0"

@@ -12,7 +12,7 @@ BSM, WARN = 5, 7
 LATER = 1e9
 
 
-def sent(queue, until, now=0.0):
+def sent(queue: RadioQueue, until: float, now: float = 0.0) -> list[tuple[float, int, bytes]]:
     """Drive the queue as the daemon does, up to `until`; return (time, priority, wsm)."""
     out = []
     while True:
@@ -23,18 +23,18 @@ def sent(queue, until, now=0.0):
         now = at
 
 
-def drops(queue):
+def drops(queue: RadioQueue) -> list[str]:
     return [event.reason for event in iter(queue.next_event, None)]
 
 
-def test_an_idle_radio_gets_the_frame_at_once():
+def test_an_idle_radio_gets_the_frame_at_once() -> None:
     queue = RadioQueue()
     queue.put(b"bsm", BSM, LATER, now=10.0)
     assert queue.wsms_to_send(10.0) == [(BSM, b"bsm")]
     assert queue.get_timer() == math.inf
 
 
-def test_a_warning_overtakes_everything_queued():
+def test_a_warning_overtakes_everything_queued() -> None:
     queue = RadioQueue()
     for n in range(5):
         queue.put(b"bsm%d" % n, BSM, LATER, now=0.0)
@@ -44,7 +44,7 @@ def test_a_warning_overtakes_everything_queued():
     ]  # fmt: skip
 
 
-def test_a_warning_waits_for_at_most_the_frame_on_the_air():
+def test_a_warning_waits_for_at_most_the_frame_on_the_air() -> None:
     queue = RadioQueue(data_rate_mbit_s=6.0)
     for _ in range(10):
         queue.put(bytes(300), BSM, LATER, now=0.0)
@@ -57,7 +57,7 @@ def test_a_warning_waits_for_at_most_the_frame_on_the_air():
     assert queue.wsms_to_send(free_at) == [(WARN, b"warn")]
 
 
-def test_expired_frames_are_dropped_before_a_warning_waits():
+def test_expired_frames_are_dropped_before_a_warning_waits() -> None:
     queue = RadioQueue()
     queue.put(b"first", BSM, expires_at=1.0, now=0.0)
     queue.put(b"old", BSM, expires_at=0.0001, now=0.0)
@@ -66,7 +66,7 @@ def test_expired_frames_are_dropped_before_a_warning_waits():
     assert drops(queue) == ["expired"]
 
 
-def test_a_frame_that_expires_now_is_not_sent():
+def test_a_frame_that_expires_now_is_not_sent() -> None:
     queue = RadioQueue()
     queue.put(b"bsm", BSM, expires_at=2.0, now=1.0)
     assert queue.wsms_to_send(2.0) == []
@@ -74,7 +74,7 @@ def test_a_frame_that_expires_now_is_not_sent():
     assert (event.stamp_s, event.component, event.reason) == (2.0, "radio", "expired")
 
 
-def test_a_full_queue_drops_the_oldest_frame_of_lowest_priority():
+def test_a_full_queue_drops_the_oldest_frame_of_lowest_priority() -> None:
     queue = RadioQueue(capacity=3)
     queue.put(b"a", 3, LATER, now=0.0)
     queue.put(b"b", 1, LATER, now=0.0)
@@ -84,7 +84,7 @@ def test_a_full_queue_drops_the_oldest_frame_of_lowest_priority():
     assert drops(queue) == ["queue_full"]
 
 
-def test_a_queue_full_of_warnings_drops_a_new_bsm():
+def test_a_queue_full_of_warnings_drops_a_new_bsm() -> None:
     queue = RadioQueue(capacity=2)
     for frame, priority in ((b"w1", WARN), (b"w2", WARN), (b"bsm", BSM)):
         queue.put(frame, priority, LATER, now=0.0)
@@ -93,7 +93,7 @@ def test_a_queue_full_of_warnings_drops_a_new_bsm():
 
 
 @pytest.mark.parametrize("priority", [-1, 8])
-def test_a_priority_out_of_range_is_a_value_error(priority):
+def test_a_priority_out_of_range_is_a_value_error(priority: int) -> None:
     with pytest.raises(ValueError, match="a user priority is 0 to 7"):
         RadioQueue().put(b"", priority, LATER, now=0.0)
 
@@ -110,7 +110,9 @@ frames = st.lists(
 
 
 @given(frames, st.integers(1, 20))
-def test_every_frame_is_sent_once_in_time_or_its_drop_is_reported(puts, capacity):
+def test_every_frame_is_sent_once_in_time_or_its_drop_is_reported(
+    puts: list[tuple[int, float, float, int]], capacity: int
+) -> None:
     queue = RadioQueue(capacity=capacity)
     out, now, expiry = [], 0.0, {}
     for number, (priority, lifetime, pause, size) in enumerate(puts):
@@ -128,7 +130,7 @@ def test_every_frame_is_sent_once_in_time_or_its_drop_is_reported(puts, capacity
 
 
 @given(st.lists(st.integers(0, 7), max_size=60))
-def test_frames_are_sent_by_priority_and_in_order_within_one(priorities):
+def test_frames_are_sent_by_priority_and_in_order_within_one(priorities: list[int]) -> None:
     queue = RadioQueue(capacity=60)
     for number, priority in enumerate(priorities):
         queue.put(bytes((number,)), priority, LATER, now=0.0)

@@ -1,6 +1,7 @@
 """The WSMP frame, byte by byte (IEEE 1609.3-2020, 8.3; version 2: IEEE 1609.3-2010)."""
 
 import json
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -34,13 +35,15 @@ VECTORS = [
 
 
 @pytest.mark.parametrize(("wsm", "octets"), VECTORS)
-def test_byte_vectors(wsm, octets):
+def test_byte_vectors(wsm: WaveShortMessage, octets: str) -> None:
     assert encode(wsm) == bytes.fromhex(octets)
     assert decode(bytes.fromhex(octets)) == wsm
 
 
 @pytest.mark.parametrize(("wsm", "octets"), VECTORS)
-def test_a_frame_that_ends_early_is_too_short_wherever_it_ends(wsm, octets):
+def test_a_frame_that_ends_early_is_too_short_wherever_it_ends(
+    wsm: WaveShortMessage, octets: str
+) -> None:
     whole = bytes.fromhex(octets)
     for size in range(len(whole)):
         with pytest.raises(DecodeError) as refused:
@@ -60,21 +63,21 @@ def test_a_frame_that_ends_early_is_too_short_wherever_it_ends(wsm, octets):
         (MAX_DATA_BYTES, "bfff"),
     ],
 )
-def test_the_wsm_length_takes_two_octets_from_128(size, length):
+def test_the_wsm_length_takes_two_octets_from_128(size: int, length: str) -> None:
     wsm = WaveShortMessage(0x20, bytes(size))
     assert encode(wsm) == bytes.fromhex("030020" + length) + bytes(size)
     assert decode(encode(wsm)) == wsm
 
 
-def test_padding_of_the_link_layer_is_not_part_of_the_message():
+def test_padding_of_the_link_layer_is_not_part_of_the_message() -> None:
     assert decode(encode(PLAIN) + bytes(38)) == PLAIN
 
 
-def test_a_small_length_in_two_octets_is_accepted():
+def test_a_small_length_in_two_octets_is_accepted() -> None:
     assert decode(bytes.fromhex("030020 8001 aa")) == WaveShortMessage(0x20, b"\xaa")
 
 
-def test_an_element_of_unexpected_size_or_number_is_kept_unchanged():
+def test_an_element_of_unexpected_size_or_number_is_kept_unchanged() -> None:
     frame = bytes.fromhex("0b 03 0f02acac 0f01ac 0f01b7 00 20 01 aa")
     wsm = decode(frame)
     assert wsm.channel_number == 172
@@ -100,7 +103,7 @@ def test_an_element_of_unexpected_size_or_number_is_kept_unchanged():
         ("0b bf ff 0f", "too_short"),
     ],
 )
-def test_invalid_wsms_are_refused(octets, reason):
+def test_invalid_wsms_are_refused(octets: str, reason: str) -> None:
     with pytest.raises(DecodeError) as refused:
         decode(bytes.fromhex(octets))
     assert refused.value.reason == reason
@@ -110,29 +113,29 @@ def test_invalid_wsms_are_refused(octets, reason):
 V2_HEAD = "02 20 0f01ac 100106 04010e"
 
 
-def test_version_2_is_read():
+def test_version_2_is_read() -> None:
     wsm = decode(bytes.fromhex(V2_HEAD + "80 0002 aabb"))
     assert wsm == WaveShortMessage(0x20, b"\xaa\xbb", 172, 3.0, 14, version=2)
 
 
-def test_version_2_counts_power_in_twos_complement_and_version_3_from_minus_128():
+def test_version_2_counts_power_in_twos_complement_and_version_3_from_minus_128() -> None:
     assert decode(bytes.fromhex("02 20 0401f6 80 0000")).transmit_power_dbm == -10
     assert decode(bytes.fromhex("0b 01 040176 00 20 00")).transmit_power_dbm == -10
 
 
-def test_version_2_with_a_safety_supplement_or_identity():
+def test_version_2_with_a_safety_supplement_or_identity() -> None:
     assert decode(bytes.fromhex("02 20 81 0004 8101 aabb")).payload == b"\xaa\xbb"
     assert decode(bytes.fromhex("02 20 82 0002 aabb")).payload == b"\xaa\xbb"
 
 
-def test_an_unknown_element_of_version_2_is_kept():
+def test_an_unknown_element_of_version_2_is_kept() -> None:
     assert decode(bytes.fromhex("02 20 7702beef 80 0000")).n_extensions == (
         Element(0x77, b"\xbe\xef"),
     )
 
 
 @pytest.mark.parametrize("tail", ["80 0002 aabb", "81 0004 8101 aabb", "82 0002 aabb"])
-def test_version_2_that_ends_early_is_too_short_wherever_it_ends(tail):
+def test_version_2_that_ends_early_is_too_short_wherever_it_ends(tail: str) -> None:
     whole = bytes.fromhex(V2_HEAD + tail)
     for size in range(len(whole)):
         with pytest.raises(DecodeError) as refused:
@@ -140,7 +143,7 @@ def test_version_2_that_ends_early_is_too_short_wherever_it_ends(tail):
         assert refused.value.reason == "too_short"
 
 
-def test_a_supplement_without_end_is_too_short():
+def test_a_supplement_without_end_is_too_short() -> None:
     with pytest.raises(DecodeError, match="too_short"):
         decode(bytes.fromhex("02 20 81 0002 8181"))
 
@@ -164,12 +167,12 @@ wsms = st.builds(
 
 
 @given(wsms)
-def test_encoding_and_decoding_give_the_same_message(wsm):
+def test_encoding_and_decoding_give_the_same_message(wsm: WaveShortMessage) -> None:
     assert decode(encode(wsm)) == wsm
 
 
 @given(st.binary(max_size=64))
-def test_any_bytes_decode_or_are_refused(data):
+def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
     try:
         wsm = decode(data)
     except DecodeError:
@@ -190,13 +193,13 @@ def test_any_bytes_decode_or_are_refused(data):
         (WaveShortMessage(0x20, b"", version=2), "version 2 is only read"),
     ],
 )
-def test_a_wsm_that_cannot_be_encoded_is_a_value_error(wsm, message):
+def test_a_wsm_that_cannot_be_encoded_is_a_value_error(wsm: WaveShortMessage, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         encode(wsm)
 
 
 @pytest.mark.realdata
-def test_eighteen_wsms_of_real_units_are_decoded_and_encoded_again(rig_data):
+def test_eighteen_wsms_of_real_units_are_decoded_and_encoded_again(rig_data: Path) -> None:
     lines = (rig_data / "wsm" / "real-wsms.jsonl").read_text().splitlines()
     assert len(lines) == 18
     for line in lines:

@@ -5,6 +5,7 @@ import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -151,7 +152,7 @@ def test_a_power_cut_of_a_box_needs_its_commands(tmp_path: Path) -> None:
     ],
 )
 def test_commands_that_lack_something_are_named(
-    fig4: Scenario, tmp_path: Path, changed: dict[str, object], mistake: str
+    fig4: Scenario, tmp_path: Path, changed: dict[str, Any], mistake: str
 ) -> None:
     given = written(tmp_path, "red", box(tmp_path, "RD288HX", **changed))
     assert mistake in mistakes(fig4, given)

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy import integrate, stats
 
 from sim_rig.propagation.path_loss import DualSlope
+from sim_rig.radio.channel import Reception
 from sim_rig.radio.sidelink import PERIOD, SUBFRAME_S, SidelinkChannel, error_rate
 from sim_rig.scenario.radio_settings import SidelinkSettings
 
@@ -15,18 +17,20 @@ PUBLISHED = SidelinkSettings(path_loss=WINNER, shadowing_db=3.0)
 NOISE_DBM = -95.0 - 10.0 * np.log10(5.0)
 
 
-def opened(settings, along_m, seed=1):
+def opened(
+    settings: SidelinkSettings, along_m: NDArray[np.float64], seed: int = 1
+) -> SidelinkChannel:
     channel = SidelinkChannel(settings, len(along_m), np.random.default_rng(seed))
     channel.receive_positions(np.column_stack([along_m, np.zeros(len(along_m))]))
     return channel
 
 
-def receptions(channel):
+def receptions(channel: SidelinkChannel) -> list[Reception]:
     return list(iter(channel.next_event, None))
 
 
 @pytest.mark.parametrize(("priority", "longest_s"), [(BSM, 0.101), (EVENT, 0.021)])
-def test_a_message_is_delivered_within_its_window(priority, longest_s):
+def test_a_message_is_delivered_within_its_window(priority: int, longest_s: float) -> None:
     channel = opened(SidelinkSettings(), np.array([0.0, 50.0, 100.0, 5000.0]))
     for number in range(50):
         now = number * 0.5 + 0.0003
@@ -39,7 +43,7 @@ def test_a_message_is_delivered_within_its_window(priority, longest_s):
     assert channel.get_timer() == np.inf
 
 
-def test_periodic_messages_keep_their_resource_for_5_to_15_periods():
+def test_periodic_messages_keep_their_resource_for_5_to_15_periods() -> None:
     channel = opened(SidelinkSettings(), np.array([0.0, 50.0]))
     for number in range(200):
         channel.receive_frame(0, 150, BSM, number * 0.1)
@@ -51,7 +55,7 @@ def test_periodic_messages_keep_their_resource_for_5_to_15_periods():
     assert runs.max() <= 30  # by chance one resource may be chosen twice in a row
 
 
-def test_who_sends_in_a_subframe_receives_nothing_in_it():
+def test_who_sends_in_a_subframe_receives_nothing_in_it() -> None:
     channel = opened(SidelinkSettings(), np.array([0.0, 50.0]))
     for number in range(2000):
         for station in (0, 1):
@@ -61,7 +65,7 @@ def test_who_sends_in_a_subframe_receives_nothing_in_it():
     assert lost == pytest.approx(1 / 20, abs=0.012)
 
 
-def test_stations_leave_reserved_resources_to_others():
+def test_stations_leave_reserved_resources_to_others() -> None:
     """300 of 400 resources are in use; chosen at random, half of the messages would collide."""
     stations, rng = 75, np.random.default_rng(2)
     channel = opened(SidelinkSettings(), np.linspace(0.0, 100.0, stations))
@@ -76,7 +80,7 @@ def test_stations_leave_reserved_resources_to_others():
     assert np.mean([len(each.receivers) / (stations - 1) for each in late]) > 0.85
 
 
-def test_a_message_larger_than_all_subchannels_has_all_of_them():
+def test_a_message_larger_than_all_subchannels_has_all_of_them() -> None:
     channel = opened(SidelinkSettings(), np.array([0.0, 50.0]))
     channel.receive_frame(0, 2000, EVENT, 0.0)
     channel.handle_timer(1.0)
@@ -97,7 +101,7 @@ def alone(distance_m):
 
 @pytest.mark.long
 @pytest.mark.parametrize("distance_m", [100.0, 300.0, 400.0, 450.0])
-def test_without_others_delivery_is_that_of_power_and_errors(distance_m):
+def test_without_others_delivery_is_that_of_power_and_errors(distance_m) -> None:
     channel = opened(PUBLISHED, np.array([0.0, distance_m]))
     for number in range(2000):
         channel.receive_frame(0, 150, EVENT, number * 0.03)
@@ -111,7 +115,7 @@ PUBLISHED_PDR = {62.5: 0.981, 112.5: 0.975, 162.5: 0.967, 212.5: 0.948, 262.5: 0
 of 2.5 % from their simulations: 0.1 vehicles a metre, 190 bytes at 10 Hz, 20 dBm, 4 subchannels."""
 
 
-def test_on_a_road_delivery_is_near_that_of_the_published_model():
+def test_on_a_road_delivery_is_near_that_of_the_published_model() -> None:
     along_m = np.arange(0.0, 1600.0, 10.0)
     channel, rng = opened(PUBLISHED, along_m), np.random.default_rng(3)
     phases = rng.uniform(0.0, 0.1, len(along_m))

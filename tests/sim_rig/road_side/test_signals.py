@@ -10,14 +10,17 @@ from onboard.intersections.signal_phase import message_age_s, signal_phases
 from onboard.messages import map_data, spat
 from onboard.messages.spat import MovementPhaseState
 from onboard.security import ieee1609dot2, p256
+from onboard.security.credentials import Credentials
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
-from sim_rig.road_side.road_side_unit import NAME, open_channel
+from sim_rig.radio.air import Delivery
+from sim_rig.radio.reach import ReachAir
+from sim_rig.road_side.road_side_unit import NAME, RoadSideUnit, open_channel
 from sim_rig.road_side.signal_controller import Shown, shown
 from sim_rig.road_side.signal_messages import map_message, spat_message
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.earth import ORIGIN
-from sim_rig.scenario.schema import load_scenario
+from sim_rig.scenario.schema import Scenario, load_scenario
 
 SCENARIO = load_scenario("signal")
 SETTINGS = SCENARIO.signal
@@ -38,11 +41,11 @@ UTC_S = 1_750_000_000.0
         (61.0, Shown(GREEN, 24.0), Shown(RED, 29.0)),
     ],
 )
-def test_the_controller_repeats_its_cycle(at_s, avenue, street):
+def test_the_controller_repeats_its_cycle(at_s: float, avenue: Shown, street: Shown) -> None:
     assert shown(SETTINGS, at_s) == [avenue, street]
 
 
-def test_the_map_has_the_lanes_of_the_scenario_s_roads():
+def test_the_map_has_the_lanes_of_the_scenario_s_roads() -> None:
     message = map_data.decode(map_data.encode(map_message(SCENARIO, SETTINGS)))
     (geometry,) = message.intersections
     avenue, street = approach_lanes(geometry, ORIGIN)
@@ -54,7 +57,7 @@ def test_the_map_has_the_lanes_of_the_scenario_s_roads():
 
 
 @pytest.mark.parametrize("at_s", [0.0, 12.3, 40.0, 57.0])
-def test_a_receiver_reads_what_the_controller_shows(at_s):
+def test_a_receiver_reads_what_the_controller_shows(at_s: float) -> None:
     """Also over the end of an hour, which `UTC_S + 2000` is."""
     for began_utc_s in (UTC_S, UTC_S + 2000.0 - at_s):
         utc_s = began_utc_s + at_s
@@ -68,7 +71,9 @@ def test_a_receiver_reads_what_the_controller_shows(at_s):
             assert phase.max_left_s == phase.min_left_s
 
 
-def channel(scenario, credentials=None):
+def channel(
+    scenario: Scenario, credentials: dict[str, Credentials] | None = None
+) -> ReachAir | RoadSideUnit:
     return open_channel(
         scenario,
         BreakpointRoad(scenario).cars_at,
@@ -80,7 +85,7 @@ def channel(scenario, credentials=None):
     )
 
 
-def deliveries(until_s, credentials=None):
+def deliveries(until_s: float, credentials: dict[str, Credentials] | None = None) -> list[Delivery]:
     air = channel(SCENARIO, credentials)
     found = []
     while (at := air.get_timer()) <= until_s:
@@ -88,7 +93,7 @@ def deliveries(until_s, credentials=None):
     return found
 
 
-def test_the_unit_sends_ten_spats_and_one_map_a_second_to_every_car():
+def test_the_unit_sends_ten_spats_and_one_map_a_second_to_every_car() -> None:
     sent = deliveries(2.95)
     assert {each.sender for each in sent} == {NAME}
     for car in SCENARIO.equipped:
@@ -98,7 +103,7 @@ def test_the_unit_sends_ten_spats_and_one_map_a_second_to_every_car():
     assert {each.receiver for each in sent} == set(SCENARIO.equipped)
 
 
-def test_a_late_rig_sends_nothing_that_is_out_of_date():
+def test_a_late_rig_sends_nothing_that_is_out_of_date() -> None:
     air = channel(SCENARIO)
     air.wsms_to_deliver(0.0)
     air.wsms_to_deliver(5.0)
@@ -106,7 +111,7 @@ def test_a_late_rig_sends_nothing_that_is_out_of_date():
     assert len(late) == 1
 
 
-def test_the_unit_signs_with_its_own_certificate():
+def test_the_unit_signs_with_its_own_certificate() -> None:
     trial = make_trial(
         SCENARIO.equipped,
         {psid.BSM},
@@ -121,13 +126,13 @@ def test_the_unit_signs_with_its_own_certificate():
     assert permitted == psid.OF_ROAD_SIDE_UNITS
 
 
-def test_the_unit_is_in_reach_like_a_car():
+def test_the_unit_is_in_reach_like_a_car() -> None:
     distant = SETTINGS.model_copy(update={"place_m": (5000.0, 0.0)})
     air = channel(SCENARIO.model_copy(update={"signal": distant}))
     assert [each for _ in range(20) for each in air.wsms_to_deliver(air.get_timer())] == []
 
 
-def test_a_scenario_without_signals_has_the_channel_of_its_cars():
+def test_a_scenario_without_signals_has_the_channel_of_its_cars() -> None:
     plain = SCENARIO.model_copy(update={"signal": None})
     air = channel(plain)
     assert air.get_timer() == math.inf

@@ -1,5 +1,7 @@
 """A car leaves its group within a second when another car takes the place of the one ahead."""
 
+from typing import Any
+
 import pytest
 
 from onboard.settings import parse_settings
@@ -42,7 +44,7 @@ def cut_in() -> Scenario:
     )
 
 
-def changed_s(log: RunLog, car: str, **fields: object) -> float:
+def changed_s(log: RunLog, car: str, **fields: Any) -> float:
     """Time of the first transition after the exchange has begun."""
     return log.at_s(next(iter(log.of(car, "transition", from_s=CHANGE_S, **fields))))
 

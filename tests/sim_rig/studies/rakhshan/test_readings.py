@@ -3,6 +3,7 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def read_table(path: Path) -> list[dict[str, str]]:
         {"slots_per_packet": 50.0, "random_waits": True, "synchronous": False},
     ],
 )
-def test_one_iteration_is_as_long_as_labels_that_stay(changes: dict[str, object]) -> None:
+def test_one_iteration_is_as_long_as_labels_that_stay(changes: dict[str, Any]) -> None:
     settings, drops = drawn(iteration_s=1000.0, **changes)
 
     iterated = iterated_delay_s(settings, drops, road_interference(settings, drops), (0.03, 0.03))
