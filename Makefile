@@ -1,31 +1,35 @@
 # `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1
-.PHONY: demo test test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
+.DEFAULT_GOAL := demo
+help: ## this list
+	@sed -nE 's/^([a-z-]+):.*## (.*)/\1|\2/p' $(MAKEFILE_LIST) | sort | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
+
+.PHONY: help demo test test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
 # Needs the rig only; where everything is set up for development, that serves as well.
-demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready)
+demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready) ## the main jobs: four cars, a replay, a platoon, shared sensing
 	$(PYTHON) -m sim_rig run fig4
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
 	$(PYTHON) -m sim_rig run platoon --virtual
 	$(PYTHON) -m sim_rig run shared-detection
 
-test: .venv/ready system-packages lint
+test: .venv/ready system-packages lint ## the gate: style, types, short tests
 	$(PYTEST) -m "not long and not live and not browser"
 
 # Whole drives, studies, rendered images, and searches of many examples.
-test-long: .venv/ready system-packages
+test-long: .venv/ready system-packages ## whole drives, studies, rendered images
 	$(PYTEST) -m "long and not live and not browser"
 
 # The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
-test-pages: .venv/ready
+test-pages: .venv/ready ## the pages in chromium
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m pytest tests/browser
 
 # What docs/plates.md and docs/vision.md tell of the camera, measured anew and written there. Needs
 # the photographs (RIG_DATA), for the baseline Tesseract and tesserocr, and a quiet machine.
 .PHONY: vision-figures
-vision-figures: .venv/ready
+vision-figures: .venv/ready ## the camera's figures, measured and written to its pages
 	$(PYTHON) -m bench.vision
 	$(PYTHON) -m bench.plates
 	$(PYTHON) -m bench.plate_range
@@ -34,64 +38,64 @@ vision-figures: .venv/ready
 	$(PYTHON) -m bench.vehicles
 
 # The pictures of the pages in docs, from the running demonstration.
-pictures: .venv/ready
+pictures: .venv/ready ## the pictures of the pages in docs
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m tools.page_pictures
 
 # Every scenario with real daemons, one after the other: some ten minutes.
-test-live: .venv/ready
+test-live: .venv/ready ## every scenario with real daemons
 	$(PYTHON) -m pytest -m live tests/sim_rig
 
 # Insiders with valid keys: the false alarms that they raise, and the true ones that are missed.
 .PHONY: attack
-attack: .venv/ready
+attack: .venv/ready ## insiders with valid keys
 	$(PYTHON) -m sim_rig study attacks
 
 # A small Debian in QEMU, installed from the box, driven and ill-treated; no KVM needed. And the
 # same in namespaces of this machine (as root), at its speed and without what needs a kernel.
 .PHONY: vm-test box-test box-ladder box
-vm-test: .venv/ready
+vm-test: .venv/ready ## the box in QEMU, as root
 	$(PYTHON) -m deploy.vm
 
-box-test: .venv/ready
+box-test: .venv/ready ## the box in namespaces, as root
 	$(PYTHON) -m deploy.vm --namespaces
 
 # One scenario in virtual time, with processes, and with the box of box-test as one of its cars.
-box-ladder: .venv/ready
+box-ladder: .venv/ready ## a scenario from virtual time up to the installed box, as root
 	$(PYTHON) -m deploy.vm.ladder
 
 # The rig and a box without hardware: a daemon in namespaces; no root.
 .PHONY: hil-test
-hil-test: .venv/ready
+hil-test: .venv/ready ## rig and box without hardware
 	PYTHON=$(PYTHON) examples/box/namespaces.sh
 
 # The drives that tests replay, recorded anew after a change of the cores that is meant.
-drives: .venv/ready
+drives: .venv/ready ## records the drives of the tests anew
 	$(PYTHON) -m tests.drives.record
 
 # Everything that goes onto a box, in one folder: copy it there and run its install.sh.
-box: .venv/ready
+box: .venv/ready ## everything to install on a box, in build/box
 	sh deploy/box.sh build/box
 
-lint: .venv/ready
+lint: .venv/ready ## style and types only
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
-bench: .venv/ready
+bench: .venv/ready ## all measurements
 	$(PYTHON) -m bench
 
-fuzz: .venv/ready
+fuzz: .venv/ready ## damaged input for every decoder
 	$(PYTHON) -m fuzz --seconds 20
 
 # The plate networks, from rendered pictures to ONNX; see docs/plates.md for how long it takes.
-train: .venv-training/ready
+train: .venv-training/ready ## trains the networks
 	.venv-training/bin/python -m training detector
 	.venv-training/bin/python -m training reader
 	.venv-training/bin/python -m training vehicles
 
 # The same from end to end in some minutes, of too little to learn from: whether it works at all.
-train-trial: .venv-training/ready
+train-trial: .venv-training/ready ## the same on too little to learn from
 	.venv-training/bin/python -m training detector $(TRIAL)
 	.venv-training/bin/python -m training reader $(TRIAL)
 	.venv-training/bin/python -m training vehicles $(TRIAL)
@@ -103,7 +107,7 @@ TRIAL := --settings training/trial.yaml --folder build/trial --models build/tria
 	.venv-training/bin/python -m pip install --quiet --no-deps -r $<
 	@touch $@
 
-system-packages:
+system-packages: ## Debian packages that tests compare with
 	@sh tools/system-packages.sh
 
 .venv/ready: requirements.lock pyproject.toml tools/set-up.sh
@@ -118,10 +122,10 @@ system-packages:
 # What of it the demo needs stands again in requirements-rig.lock, with setuptools to install this
 # project, and what goes into a car in deploy/, for its installer.
 LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
-lock:
+lock: ## pins all versions anew
 	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 
-clean:
+clean: ## removes .venv, build and out
 	rm -rf .venv build out

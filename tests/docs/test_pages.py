@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 CODE = ("onboard", "sim_rig", "bench", "training", "tools", "deploy", "tests", "fuzz", "examples")
-MOST_WORDS = 35_000
+MOST_WORDS = 42_000
 """Of README and pages together, counted as by `wc -w`."""
 MOST_WORDS_OF_A_DESIGN_PAGE = 1_200
 
