@@ -9,8 +9,8 @@ from playwright.sync_api import Browser, Page
 from sim_rig.reporting.scenario_from_above import show_scenario
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
-from sim_rig.studies.campaigns.campaign import Workers, run_campaign
-from sim_rig.studies.mvs.collisions import run_one
+from sim_rig.studies.campaigns.campaign import Workers
+from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.show import show_run
 from tests.sim_rig.studies.mvs.test_show import SETTINGS, WITH
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
-    run_campaign(run_one, SETTINGS, [WITH], folder / "runs", Workers())
+    STUDY.rows(SETTINGS, folder, Workers(), [WITH])
     show_run(folder, WITH, folder / "run.html")
     return folder / "run.html"
 

@@ -34,7 +34,6 @@ from onboard.settings import Settings
 StoredRow = dict[str, Any]
 """Result of a run, as a line of `runs.jsonl` holds it."""
 SettingsT = TypeVar("SettingsT", bound=Settings)
-Row = StoredRow
 Run = Callable[[SettingsT, int], StoredRow]
 """One run by its number, which other processes can import, as a function at the top of a module."""
 

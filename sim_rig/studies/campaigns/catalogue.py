@@ -12,37 +12,6 @@ if TYPE_CHECKING:
     from sim_rig.studies.campaigns.campaign import Workers
     from sim_rig.studies.campaigns.study import AnyStudy
 
-_LEGACY = {
-    "joerer": "joerer.approaches:run",
-    "rakhshan-figure6": "rakhshan.drivers:figure6",
-    "rakhshan-figure7": "rakhshan.drivers:figure7",
-    "rakhshan-figure9": "rakhshan.figures:figure9",
-    "rakhshan-figure10": "rakhshan.figures:figure10",
-    "rakhshan-figure11": "rakhshan.figures:figure11",
-    "rakhshan-sensitivity": "rakhshan.figures:sensitivity",
-    "rakhshan-table1": "rakhshan.tables:table1",
-    "rakhshan-table2": "rakhshan.tables:table2",
-    "attacks": "attacks.attacks:run:AttacksSettings",
-    "crossing-alarms": "alarms.crossing_alarms:run:AlarmSettings",
-    "false-identity": "lcca.false_identity:run:FalseIdentitySettings",
-    "faults": "faults.faults:run:FaultsSettings",
-    "following-alarms": "alarms.following_alarms:run:FollowingSettings",
-    "inquiry-load": "lcca.inquiry_load:run:InquiryLoadSettings",
-    "joerer-channel": "joerer.channel:run:JoererChannelSettings",
-    "lcca-chain": "lcca.chain:chain:ChainSettings",
-    "linker": "attacks.linker:run:LinkerSettings",
-    "mvs-ablation": "mvs.ablation:run:AblationSettings",
-    "mvs-figure3": "mvs.collisions:figure3:Figure3Settings",
-    "mvs-figure9": "mvs.collisions:figure9:CollisionSettings",
-    "platoons": "lcca.platoons:run:PlatoonSettings",
-    "soak": "soak.soak:run:SoakSettings",
-    "mvs-figure8": "mvs.sharing:figure8:SharingSettings",
-    "mvs-table1": "mvs.sharing:table1:Table1Settings",
-    "radio": "radio.ns3_validation:run:RadioSettings",
-    "rakhshan-csma": "rakhshan.csma:run:RakhshanCsmaSettings",
-    "rakhshan-readings": "rakhshan.readings:run:ReadingsSettings",
-}
-
 STUDIES = Path(__file__).parents[1]
 _END = "_study.py"
 
@@ -55,7 +24,7 @@ def study_files() -> dict[str, Path]:
 
 def study_names() -> list[str]:
     """Names of all studies."""
-    return sorted({*study_files(), *_LEGACY})
+    return list(study_files())
 
 
 def check_study(name: str) -> None:
@@ -75,24 +44,9 @@ def find_study(name: str) -> "AnyStudy":
         UserError: no study has this name.
     """
     check_study(name)
-    if name not in study_files():
-        return _legacy(name)
     file = study_files()[name]
     study: AnyStudy = import_module(f"sim_rig.studies.{file.parent.name}.{file.stem}").STUDY
     return study
-
-
-def _legacy(name: str) -> "AnyStudy":
-    from types import SimpleNamespace  # noqa: PLC0415
-
-    module, function, *schema = _LEGACY[name].split(":")
-    found = import_module(f"sim_rig.studies.{module}")
-    write = getattr(found, function)
-    return SimpleNamespace(  # type: ignore[return-value]
-        settings=getattr(found, schema[0]) if schema else None,
-        takes_settings=bool(schema),
-        write=write if schema else lambda out_dir, _given, _workers: write(out_dir),
-    )
 
 
 def run_study(

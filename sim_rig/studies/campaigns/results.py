@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -24,20 +23,6 @@ def write_settings(out_dir: Path, settings: Settings) -> None:
     out_dir.mkdir(parents=True, exist_ok=True)
     tree = settings.model_dump(mode="json")
     (out_dir / "settings.yaml").write_text(yaml.safe_dump(tree, sort_keys=False), "utf-8")
-
-
-def write_results(
-    out_dir: Path,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[object]],
-    settings: Settings,
-    figure: Any = None,
-) -> None:
-    """Write table, settings and figure."""
-    write_table(out_dir, columns, rows)
-    write_settings(out_dir, settings)
-    if figure is not None:
-        figure.savefig(out_dir / "figure.png", dpi=110)
 
 
 def _six_digits(value: object) -> object:

@@ -8,6 +8,7 @@ all combinations are repeated.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -160,11 +161,23 @@ class Study(Generic[SettingsT, CaseT, RowT, LineT]):
         folder = out_dir / self.folder(settings)
         run = _Run(self.axes, self.case, self.run, self.row)
         stored = run_campaign(run, settings, numbers, folder, workers, name=self.name)
-        row: TypeAdapter[RowT] = _adapter(self.row)
         return [
-            _checked(row, each, f"{folder}, run {number}")
+            self.row_of(each, f"{folder}, run {number}")
             for number, each in zip(numbers, stored, strict=True)
         ]
+
+    def row_of(self, stored: StoredRow, where: str) -> RowT:
+        """A row as it is stored.
+
+        Raises:
+            CampaignError: it has other values.
+        """
+        kind: Any = self.row
+        try:
+            row: RowT = _adapter(kind).validate_python(stored)
+        except ValidationError as error:
+            raise CampaignError(f"{where}: not a run of this version: remove the folder") from error
+        return row
 
     def stored(self, row: RowT) -> StoredRow:
         """The row as it is stored."""
@@ -210,22 +223,11 @@ def _values(line: object) -> list[object]:
     return [getattr(line, name) for name in columns(type(line), ())]
 
 
+@cache
 def _adapter(row: Any) -> TypeAdapter[Any]:
     return TypeAdapter(row)
 
 
-def _stored(kind: object, row: object) -> StoredRow:
+def _stored(kind: Any, row: object) -> StoredRow:
     stored: StoredRow = _adapter(kind).dump_python(row, mode="json", by_alias=True)
     return stored
-
-
-def _checked(row: TypeAdapter[RowT], stored: StoredRow, where: str) -> RowT:
-    """A row as it is stored.
-
-    Raises:
-        CampaignError: it has other values.
-    """
-    try:
-        return row.validate_python(stored)
-    except ValidationError as error:
-        raise CampaignError(f"{where}: not a run of this version: remove the folder") from error

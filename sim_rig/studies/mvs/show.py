@@ -14,8 +14,8 @@ from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Trajectory
-from sim_rig.studies.campaigns.campaign import Row, stored_runs
-from sim_rig.studies.mvs.collisions import CollisionSettings, case_of, encounters
+from sim_rig.studies.campaigns.campaign import stored_runs
+from sim_rig.studies.mvs.collisions import CollisionRow, CollisionSettings, encounters
 from sim_rig.studies.mvs.encounter import (
     EncounterCase,
     EncounterOutcome,
@@ -23,10 +23,11 @@ from sim_rig.studies.mvs.encounter import (
     IssuedWarning,
     Method,
 )
+from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.outcomes import SAME_POSITION_M, CrashOutcome
 from sim_rig.studies.mvs.world import MvsWorld
 
-_RUN = "sim_rig.studies.mvs.collisions.run_one"
+_SHOWN = ("mvs-figure3", "mvs-figure9")
 _PATH_POINT_EVERY_M = 10.0
 
 _METHODS = {
@@ -108,7 +109,7 @@ def _settings_of(path: Path) -> CollisionSettings:
             " be shown, by the folder of the study"
         ) from error
     campaign = parse_yaml(data, str(path))
-    if not isinstance(campaign, dict) or campaign.get("run") != _RUN:
+    if not isinstance(campaign, dict) or campaign.get("run") not in _SHOWN:
         named = campaign.get("run") if isinstance(campaign, dict) else None
         raise UserError(
             f"{path}: runs of {named or 'something else'} cannot be shown, only those of"
@@ -117,7 +118,7 @@ def _settings_of(path: Path) -> CollisionSettings:
     return parse_settings(campaign.get("settings"), CollisionSettings, str(path))
 
 
-def _row_of(folder: Path, number: int) -> Row:
+def _row_of(folder: Path, number: int) -> CollisionRow:
     """The stored result of a run."""
     try:
         done = stored_runs(folder / "runs")
@@ -127,7 +128,7 @@ def _row_of(folder: Path, number: int) -> Row:
     if number not in done:
         most = f", the last is {max(done)}" if done else ""
         raise UserError(f"{folder}: run {number} was not done: it holds {len(done)}{most}")
-    return done[number]
+    return STUDY.row_of(done[number], f"{folder}, run {number}")
 
 
 def show_run(folder: Path, number: int, page: Path) -> str:
@@ -145,11 +146,12 @@ def show_run(folder: Path, number: int, page: Path) -> str:
     settings = _settings_of(folder / "runs" / "campaign.yaml")
     row = _row_of(folder, number)
     check_is_file(page)
-    case, seed = case_of(settings, number)
+    of = STUDY.case_of(settings, number)
+    case, seed = of.encounter, settings.seed + of.repetition
     animation = _animation(encounters(settings.encounter), case, seed)
     animation.title = _title(number, case)
     # A run that the study skipped (weight 0) is simulated here, and may end differently.
-    if row["weight"] and row["crash"] != (animation.crash is not None):
+    if row.weight and row.crash != (animation.crash is not None):
         animation.summary += (
             " THE STUDY'S RESULT DIFFERS: its settings or the program have changed."
         )

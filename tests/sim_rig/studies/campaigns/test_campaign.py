@@ -18,7 +18,7 @@ from distributed import LocalCluster
 
 from onboard.settings import Settings
 from sim_rig.studies.campaigns import campaign
-from sim_rig.studies.campaigns.campaign import CampaignError, Row, Workers, run_campaign
+from sim_rig.studies.campaigns.campaign import CampaignError, StoredRow, Workers, run_campaign
 
 NUMBERS = range(12)
 
@@ -30,7 +30,7 @@ class DiceSettings(Settings):
     always_fatal: bool = False
 
 
-def throw(settings: DiceSettings, number: int) -> Row:
+def throw(settings: DiceSettings, number: int) -> StoredRow:
     once = Path(settings.fatal_once)
     if settings.always_fatal or (number == 5 and settings.fatal_once and not once.exists()):
         once.touch()
@@ -39,14 +39,14 @@ def throw(settings: DiceSettings, number: int) -> Row:
     return {"eyes": int(rng.integers(settings.sides)) + 1, "share": float(rng.random())}
 
 
-def wait_forever(settings: DiceSettings, number: int) -> Row:
+def wait_forever(settings: DiceSettings, number: int) -> StoredRow:
     """Run 0 ends, the others last until they are interrupted."""
     if number:
         signal.pause()
     return throw(settings, number)
 
 
-def interrupt_the_campaign(settings: DiceSettings, number: int) -> Row:
+def interrupt_the_campaign(settings: DiceSettings, number: int) -> StoredRow:
     os.kill(os.getppid(), signal.SIGINT)
     signal.pause()
     return {}

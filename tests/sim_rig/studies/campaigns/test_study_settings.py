@@ -18,7 +18,7 @@ from sim_rig.studies.campaigns.catalogue import (
 )
 from sim_rig.studies.campaigns.settings_help import meanings
 from sim_rig.studies.faults.faults_study import FaultsSettings
-from sim_rig.studies.mvs.collisions import CollisionSettings, cases
+from sim_rig.studies.mvs.collisions import CollisionSettings, encounter_cases
 from sim_rig.studies.mvs.encounter import Method
 
 
@@ -129,7 +129,7 @@ def test_a_case_that_settings_name_twice_is_run_once() -> None:
     """M = 10 is what every method has at every share, 0.4 the share that is compared."""
     settings = CollisionSettings(methods=(Method.MVS, Method.RANDOM), entries=(10, 20, 20))
 
-    found = cases(settings)
+    found = encounter_cases(settings)
 
     assert len(found) == len(set(found))
 

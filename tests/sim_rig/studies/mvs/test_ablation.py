@@ -1,37 +1,73 @@
 """From the paper's reading to the car as shipped: the steps, and what each counts."""
 
 import csv
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from sim_rig.roads.events import TrafficEventKind
-from sim_rig.studies.campaigns.campaign import Row, Workers
+from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
-from sim_rig.studies.mvs.ablation import AblationSettings, Driver, ablation_table
+from sim_rig.studies.mvs.encounter import Method
+from sim_rig.studies.mvs.mvs_ablation_study import AblationSettings, Driver, SimulatedStep, table
+from sim_rig.studies.mvs.outcomes import CrashOutcome
 from tests.sim_rig.roads.lane_trace import write_lane
 
 SETTINGS = AblationSettings(profiles=("paper", "camera-60"))
 KEYS = ("profile", "driver", "alarm", "counted")
 
 
-def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> list[Row]:
+def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> list[SimulatedStep]:
     """Two events that crash without radios: a crossing crash, and a rear-end crash.
 
     `outcomes` are those of the runs in which the two cars have radios, a quarter each.
     """
-    rows: list[Row] = []
+    rows = []
     for kind, angle_deg, outcome in (
-        (TrafficEventKind.RED_LIGHT, 90.0, outcomes[0]),
-        (TrafficEventKind.SUDDEN_BRAKE, 1.0, outcomes[1]),
+        (TrafficEventKind.RED_LIGHT, 90.0, CrashOutcome(outcomes[0])),
+        (TrafficEventKind.SUDDEN_BRAKE, 1.0, CrashOutcome(outcomes[1])),
     ):
-        step = {"kind": kind.value, "seed": 7, "profile": profile, "driver": driver.value}
-        event = step | {"pair": f"{kind.value} pair"}
-        before = {"method": "none", "crash": True, "angle_deg": angle_deg, "outcome": None}
-        rows.append(event | before | {"weight": 1.0, "probability": 1.0})
-        without = {"crash": True, "outcome": "no_radio", "weight": 0.0, "probability": 0.75}
-        crash = outcome != "avoided"
-        with_radios = {"crash": crash, "outcome": outcome, "weight": 0.25, "probability": 0.25}
-        paper = {"paper_alarm_crash": False, "paper_alarm_same_pair": False}
-        rows += [event | {"method": "mvs"} | each | paper for each in (without, with_radios)]
+        before = SimulatedStep(
+            scene="city",
+            kind=kind,
+            method=Method.NONE,
+            share=0.4,
+            entries=10,
+            loss=0.0,
+            seed=7,
+            pair=f"{kind} pair",
+            pair_radios=None,
+            probability=1.0,
+            weight=1.0,
+            crash=True,
+            speed_m_s=10.0,
+            angle_deg=angle_deg,
+            outcome=None,
+            known_before_s=None,
+            warned_before_s=None,
+            first_warning_s=None,
+            warned=0,
+            false_warnings=0,
+            paper_alarm_crash=False,
+            paper_alarm_same_pair=False,
+            paper_alarm_before_s=None,
+            paper_alarm_false=0,
+            driven_s=0.0,
+            messages=0,
+            profile=profile,
+            driver=driver,
+        )
+        with_mvs = replace(before, method=Method.MVS)
+        rows += [
+            before,
+            replace(with_mvs, outcome=CrashOutcome.NO_RADIO, weight=0.0, probability=0.75),
+            replace(
+                with_mvs,
+                crash=outcome is not CrashOutcome.AVOIDED,
+                outcome=outcome,
+                weight=0.25,
+                probability=0.25,
+            ),
+        ]
     return rows
 
 
@@ -44,9 +80,9 @@ def test_a_step_counts_what_it_says() -> None:
         for row in rows_of_step(profile, driver, (outcome, "too_late"))
     ]
 
-    table = [line._asdict() for line in ablation_table(SETTINGS, rows)]
+    lines = [asdict(line) for line in table(SETTINGS, rows)]
 
-    steps = [tuple(line[key] for key in KEYS) for line in table if line["crashes"] == "all"]
+    steps = [tuple(line[key] for key in KEYS) for line in lines if line["crashes"] == "all"]
     assert steps == [
         ("none", "onset", "at the onset", "two"),
         ("none", "onset", "at the onset", "any"),
@@ -60,13 +96,13 @@ def test_a_step_counts_what_it_says() -> None:
         ("camera-60", "brakes", "car's", "any"),
     ]
     reductions = {
-        crashes: [line["reduction"] for line in table if line["crashes"] == crashes]
+        crashes: [line["reduction"] for line in lines if line["crashes"] == crashes]
         for crashes in ("all", "crossing", "rear-end")
     }
     assert reductions["crossing"] == [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.25, 0.0, 0.25, 0.25]
     assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
     assert reductions["all"][:6] == [0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
-    assert {line["avoidable"] for line in table} == {0.25}
+    assert {line["avoidable"] for line in lines} == {0.25}
 
 
 def test_the_ablation_is_written(tmp_path: Path) -> None:

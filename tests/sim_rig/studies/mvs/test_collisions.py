@@ -15,15 +15,16 @@ from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.campaigns.campaign import CampaignError, Workers
 from sim_rig.studies.campaigns.catalogue import run_study
 from sim_rig.studies.mvs import events, scenes
+from sim_rig.studies.mvs.collision_table import changed
 from sim_rig.studies.mvs.collisions import (
     CollisionSettings,
-    cases,
-    changed,
-    figure9,
-    run_one,
+    SimulatedRun,
+    SkippedRun,
+    encounter_cases,
 )
 from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs.events import EventSample
+from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.outcomes import CrashOutcome, CrashPair
 from sim_rig.studies.mvs.scenes import SceneName
 from tests.sim_rig.roads.lane_trace import write_lane
@@ -37,29 +38,46 @@ SMALL = CollisionSettings(
 
 
 def test_crashes_are_compared_seed_by_seed() -> None:
-    def rows(*crashes: bool) -> list[dict[str, object]]:
+    def rows(
+        *crashes: bool, kind: TrafficEventKind = TrafficEventKind.RED_LIGHT
+    ) -> list[SkippedRun]:
         return [
-            {"kind": "k", "seed": seed, "crash": c, "weight": 1} for seed, c in enumerate(crashes)
+            SkippedRun(
+                scene="city",
+                kind=kind,
+                method=Method.DSRC,
+                share=0.1,
+                entries=10,
+                loss=0.0,
+                seed=seed,
+                pair=None,
+                pair_radios=None,
+                probability=1.0,
+                weight=1.0,
+                crash=crash,
+                outcome=None,
+            )
+            for seed, crash in enumerate(crashes)
         ]
 
     assert changed(rows(True, True, False), rows(False, True, True)) == (1, 1, [1, 0, -1])
-    brakes, lights = rows(True), [row | {"event": "other"} for row in rows(False)]
+    brakes, lights = rows(True, kind=TrafficEventKind.SUDDEN_BRAKE), rows(False)
     assert changed([*brakes, *lights], [*brakes, *lights]) == (0, 0, [0, 0])
 
 
 @pytest.mark.long
 def test_every_case_has_the_same_event_for_one_seed() -> None:
     """A run without radios does not depend on the other cases of the campaign."""
-    of_a_seed = cases(SMALL)
+    of_a_seed = encounter_cases(SMALL)
     other = SMALL.model_copy(update={"shares": (0.1, 0.3)})
 
     assert [case.method for case in of_a_seed] == [
         *(2 * [Method.NONE, *(4 * [Method.DSRC]), *(4 * [Method.MVS])])
     ]
-    first = run_one(SMALL, 0)
-    assert first["method"] == "none"
-    assert first == run_one(other, 0)
-    assert run_one(SMALL, len(of_a_seed))["seed"] == SMALL.seed + 1
+    first = STUDY.one(SMALL, 0)
+    assert first.method == "none"
+    assert first == STUDY.one(other, 0)
+    assert STUDY.one(SMALL, len(of_a_seed)).seed == SMALL.seed + 1
 
 
 CRASH = Crash(5.0, ("ann", "bob"), 8.0, 0.0)
@@ -104,25 +122,25 @@ def test_events_that_radios_cannot_change_count_as_without_radios() -> None:
     settings = SMALL.model_copy(update={"shares": (0.001,), "methods": (Method.DSRC,), "seed": 4})
     some = settings.model_copy(update={"unaffected_every": 100})
 
-    rows = [run_one(each, number) for each in (settings, some) for number in (1, 6)]
+    rows = [STUDY.one(each, number) for each in (settings, some) for number in (1, 6)]
 
-    assert all(row["pair_radios"] == (False, False) for row in rows)
-    assert [row["weight"] for row in rows] == [row["probability"] for row in rows[:2]] + [0, 0]
-    assert [row["crash"] for row in rows[:2]] == [row["crash"] for row in rows[2:]]
-    assert [row["outcome"] for row in rows[:2]] == [row["outcome"] for row in rows[2:]]
+    assert all(row.pair_radios == (False, False) for row in rows)
+    assert [row.weight for row in rows] == [row.probability for row in rows[:2]] + [0, 0]
+    assert [row.crash for row in rows[:2]] == [row.crash for row in rows[2:]]
+    assert [row.outcome for row in rows[:2]] == [row.outcome for row in rows[2:]]
 
 
 @pytest.mark.long
 def test_each_way_in_which_the_two_cars_have_radios_counts_with_its_probability() -> None:
     """The red light of this seed ends in a crash without radios, the braking does not."""
     settings = SMALL.model_copy(update={"methods": (Method.DSRC,), "seed": 4})
-    none, crash = ([run_one(settings, number) for number in range(n, n + 4)] for n in (1, 6))
+    none, crash = ([STUDY.one(settings, number) for number in range(n, n + 4)] for n in (1, 6))
 
-    assert [row["probability"] for row in none] == [1.0, 0.0, 0.0, 0.0]
-    assert [row["probability"] for row in crash] == pytest.approx([0.64, 0.16, 0.16, 0.04])
-    assert [row["outcome"] for row in crash].count("no_radio") == 1
-    assert len({row["pair"] for row in crash}) == 1
-    assert ["driven_s" in row for row in [*crash, *none]] == [True] * 5 + [False] * 3
+    assert [row.probability for row in none] == [1.0, 0.0, 0.0, 0.0]
+    assert [row.probability for row in crash] == pytest.approx([0.64, 0.16, 0.16, 0.04])
+    assert [row.outcome for row in crash].count("no_radio") == 1
+    assert len({row.pair for row in crash}) == 1
+    assert [isinstance(row, SimulatedRun) for row in [*crash, *none]] == [True] * 5 + [False] * 3
 
 
 @pytest.mark.long
@@ -163,7 +181,10 @@ def test_without_a_crash_no_reduction_is_stated(tmp_path: Path) -> None:
         }
     )
 
-    assert figure9(tmp_path, settings) == "no event ends in a crash without radios (1 events)"
+    assert (
+        STUDY.write(tmp_path, settings, Workers())
+        == "no event ends in a crash without radios (1 events)"
+    )
 
 
 @pytest.mark.long
@@ -262,10 +283,10 @@ def test_traffic_may_be_a_users_file(tmp_path: Path) -> None:
             "encounter": ENCOUNTER.model_copy(update={"scenes": (trace,)}),
         }
     )
-    rows_of = [run_one(settings, number) for number in (0, 4, 8)]
+    rows_of = [STUDY.one(settings, number) for number in (0, 4, 8)]
 
-    assert [row["method"] for row in rows_of] == ["none", "dsrc", "mvs"]
-    assert all(row["messages"] for row in rows_of[1:])
+    assert [row.method for row in rows_of] == ["none", "dsrc", "mvs"]
+    assert all(isinstance(row, SimulatedRun) and row.messages for row in rows_of[1:])
 
 
 @pytest.mark.long
@@ -288,13 +309,13 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
         }
     )
 
-    figure9(out, settings)
+    STUDY.write(out, settings, Workers())
 
     assert "  scenes:\n  - sumo-crossing\n" in (out / "settings.yaml").read_text()
     (data / "traces").mkdir(parents=True)
     (data / "traces" / "crossing-signals-100-cars.csv.gz").touch()
     with pytest.raises(CampaignError, match="other settings"):
-        figure9(out, settings)
+        STUDY.write(out, settings, Workers())
 
 
 def test_an_unknown_scene_is_an_error_that_lists_the_scenes(tmp_path: Path) -> None:

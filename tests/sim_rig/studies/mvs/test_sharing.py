@@ -11,15 +11,10 @@ from onboard.mvs.settings import Selection
 from onboard.tracking.evidence import Estimate, MeasurementId
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
+from sim_rig.studies.mvs import mvs_figure8_study, mvs_table1_study
+from sim_rig.studies.mvs.mvs_table1_study import Table1Settings
 from sim_rig.studies.mvs.scenes import SceneName
-from sim_rig.studies.mvs.sharing import (
-    SharingSettings,
-    Table1Settings,
-    figure8,
-    random_until_all,
-    run_one,
-    table1,
-)
+from sim_rig.studies.mvs.sharing import SharingSettings, random_until_all
 
 SMALL = SharingSettings(
     seeds=1, scene=SceneName.OWN_CROSSING, shares=(0.1,), entries=(5,), warm_s=0.8, measured_s=0.2
@@ -70,13 +65,15 @@ def test_a_recording_that_is_too_short_is_an_error(tmp_path: Path) -> None:
     settings = SMALL.model_copy(update={"scene": trace_of_one_car(tmp_path)})
 
     with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, but .* need 241 s"):
-        figure8(tmp_path / "out", settings)
+        mvs_figure8_study.STUDY.write(tmp_path / "out", settings, Workers())
 
 
 def test_a_cell_without_messages_is_not_counted_for_mvs(tmp_path: Path) -> None:
     one_car = {"scene": trace_of_one_car(tmp_path), "begin_s": (2.0, 4.0), "shares": (1.0,)}
 
-    summary = figure8(tmp_path / "out", SMALL.model_copy(update=one_car))
+    summary = mvs_figure8_study.STUDY.write(
+        tmp_path / "out", SMALL.model_copy(update=one_car), Workers()
+    )
 
     assert summary == "MVS delivers most in 0 of 1 cells (paper: in all)"
 
@@ -92,9 +89,9 @@ def test_table_1_with_a_users_setting_keeps_its_other_settings(tmp_path: Path) -
 def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
     settings = Table1Settings.model_validate(SMALL.model_dump() | {"methods": (Selection.MVS,)})
 
-    summary = table1(tmp_path, settings)
+    summary = mvs_table1_study.STUDY.write(tmp_path, settings, Workers())
 
     assert summary.endswith("fused state: 0")
-    row = run_one(settings, 0)
-    assert row["reused_mvs"] == 0.0
-    assert row["selected_rs"] >= row["selected_mvs"] >= 1.0
+    row = mvs_table1_study.STUDY.one(settings, 0)
+    assert row.reused_mvs == 0.0
+    assert row.selected_rs >= row.selected_mvs >= 1.0

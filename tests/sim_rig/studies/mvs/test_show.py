@@ -11,9 +11,10 @@ import pytest
 from onboard.errors import UserError
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
-from sim_rig.studies.campaigns.campaign import Workers, run_campaign
-from sim_rig.studies.mvs.collisions import CollisionSettings, run_one
+from sim_rig.studies.campaigns.campaign import Workers
+from sim_rig.studies.mvs.collisions import CollisionSettings
 from sim_rig.studies.mvs.encounter import EncounterSettings, Method
+from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.scenes import SceneName
 from sim_rig.studies.mvs.show import show_run
 
@@ -52,7 +53,7 @@ def animation_of(page: Path) -> Animation:
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
-    run_campaign(run_one, SETTINGS, [WITHOUT, WITH], folder / "runs", Workers())
+    STUDY.rows(SETTINGS, folder, Workers(), [WITHOUT, WITH])
     return folder
 
 
@@ -175,10 +176,10 @@ def test_a_folder_without_a_study_is_a_user_error(tmp_path: Path) -> None:
         ("[1]", "something else"),
         ("a: [", "not YAML"),
         (
-            "run: sim_rig.studies.radio.ns3_validation.run_one",
-            "runs of sim_rig.studies.radio.ns3_validation.run_one cannot",
+            "run: radio",
+            "runs of radio cannot",
         ),
-        ("run: sim_rig.studies.mvs.collisions.run_one", "needs a line `key: value`"),
+        ("run: mvs-figure9", "needs a line `key: value`"),
     ],
 )
 def test_a_folder_that_holds_no_collision_campaign_is_an_error(

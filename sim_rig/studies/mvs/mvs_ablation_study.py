@@ -8,9 +8,9 @@ stands what warnings can avoid at best.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from matplotlib.figure import Figure
 from pydantic import AfterValidator, Field
@@ -19,18 +19,18 @@ from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.settings import Settings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.setting_types import Several, Share
-from sim_rig.studies.campaigns.campaign import Row, Workers, run_campaign
 from sim_rig.studies.campaigns.intervals import cluster_interval
-from sim_rig.studies.campaigns.results import write_results
+from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
+from sim_rig.studies.mvs.collision_table import angle_deg, median
 from sim_rig.studies.mvs.collisions import (
     CollisionSettings,
-    angle_deg,
-    cases,
-    median,
-    run_one,
+    SimulatedRun,
+    SkippedRun,
+    encounter_cases,
+    run_event,
     with_available_scenes,
 )
-from sim_rig.studies.mvs.encounter import EncounterSettings, Method
+from sim_rig.studies.mvs.encounter import EncounterCase, EncounterSettings, Method
 from sim_rig.studies.mvs.outcomes import CrashOutcome
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.scenes import SceneName
@@ -52,6 +52,8 @@ class Driver(StrEnum):
     """The car too, as its core requests (docs/design/brake_request.md)."""
 
 
+Step = tuple[str, Driver]
+"""Sensors by the name of their profile, and who acts."""
 _NO_PROFILE = "none"
 """Sensors of `Driver.ONSET`."""
 
@@ -93,7 +95,8 @@ class AblationSettings(Settings):
     """What all steps have in common; its sensors and its `brake_request` are not used."""
 
 
-class _Line(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class AblationLine:
     """One line of the table: a step, and the crashes of one kind."""
 
     crashes: str
@@ -114,46 +117,61 @@ class _Line(NamedTuple):
     warned_before_s: float
 
 
-def run(
-    out_dir: Path, settings: AblationSettings | None = None, workers: Workers | None = None
-) -> str:
-    """Write the reduction of crashes by MVS for every step, with its interval between pairs.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AblationCase(Case):
+    """One event in one step under one case; each repetition is a further event of each kind."""
 
-    Args:
-        out_dir: folder of table, figure, settings and runs.
-        settings: of the campaign; the default ones if None.
-        workers: processes or cluster; this process if None.
+    step: Step
+    encounter: EncounterCase
 
-    Returns:
-        The reductions of the first and of the last step, as a sentence.
-    """
-    settings = settings or AblationSettings()
+
+def axes(settings: AblationSettings) -> Axes:
+    """Every step, with every kind of event, without radios and with them."""
+    return {
+        "step": _steps(settings),
+        "encounter": encounter_cases(_collision(settings, settings.profiles[0], Driver.WARNED)),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkippedStep(SkippedRun):
+    """A run of a step that is not simulated."""
+
+    profile: str
+    driver: Driver
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedStep(SimulatedRun):
+    """A run of a step that is simulated."""
+
+    profile: str
+    driver: Driver
+
+
+AblationRow = SkippedStep | SimulatedStep
+AblationResults = Results[AblationSettings, AblationRow, AblationLine]
+
+
+def prepared(settings: AblationSettings) -> AblationSettings:
+    """The settings with the scenes that are used."""
     encounter = with_available_scenes(settings.encounter)
-    settings = settings.model_copy(update={"encounter": encounter})
-    numbers = range(settings.runs * _runs_of_event(settings))
-    rows = run_campaign(one_run, settings, numbers, out_dir / "runs", workers or Workers())
-    table = ablation_table(settings, rows)
-    write_results(out_dir, _Line._fields, table, settings, _draw(table))
-    lines = [line for line in table if line.crashes == "all"]
-    first, last = lines[0], lines[-1]
-    return (
-        f"from {first.reduction:.1%} ({first.profile}, {first.alarm} alarm) to"
-        f" {last.reduction:.1%} ({last.profile}, {last.alarm} alarm) of {first.pairs} pairs"
-    )
+    return settings.model_copy(update={"encounter": encounter})
 
 
-def one_run(settings: AblationSettings, number: int) -> Row:
-    """One run of the campaign; all runs of an event have consecutive numbers."""
-    steps = _steps(settings)
-    event, rest = divmod(number, _runs_of_event(settings))
-    of_step, case = divmod(rest, _runs_of_step(settings))
-    profile, driver = steps[of_step]
+def run(settings: AblationSettings, case: AblationCase) -> AblationRow:
+    """Run one event in one step."""
+    (profile, driver), encounter = case.step, case.encounter
+    if driver is Driver.ONSET and encounter.method is not Method.NONE:
+        encounter = replace(encounter, method=Method.ONSET)
     collision = _collision(settings, profile, driver)
-    row = run_one(collision, event * _runs_of_step(settings) + case)
-    return row | {"profile": profile, "driver": driver.value}
+    row = run_event(collision, encounter, settings.seed + case.repetition)
+    values = {each.name: getattr(row, each.name) for each in fields(row)}
+    kind = SimulatedStep if isinstance(row, SimulatedRun) else SkippedStep
+    return kind(**values, profile=profile, driver=driver)
 
 
-def _steps(settings: AblationSettings) -> list[tuple[str, Driver]]:
+def _steps(settings: AblationSettings) -> list[Step]:
     """Profiles and drivers that are run; alarms and counting are columns of the same runs."""
     return [
         (profile, driver)
@@ -170,28 +188,20 @@ def _collision(settings: AblationSettings, profile: str, driver: Driver) -> Coll
         seed=settings.seed,
         kinds=settings.kinds,
         shares=(settings.share,),
-        methods=(Method.ONSET if driver is Driver.ONSET else Method.MVS,),
+        methods=(Method.MVS,),
         compared_at=None,
         unaffected_every=settings.unaffected_every,
         encounter=settings.encounter.model_copy(update=common),
     )
 
 
-def _runs_of_step(settings: AblationSettings) -> int:
-    return len(cases(_collision(settings, settings.profiles[0], settings.drivers[0])))
-
-
-def _runs_of_event(settings: AblationSettings) -> int:
-    return len(_steps(settings)) * _runs_of_step(settings)
-
-
 _Event = tuple[str, int]
 
 
-def ablation_table(settings: AblationSettings, rows: Sequence[Row]) -> list[_Line]:
+def table(settings: AblationSettings, rows: Sequence[AblationRow]) -> list[AblationLine]:
     """The lines of all crashes, then those of crossing and of rear-end crashes."""
-    before = {_event(row): row for row in rows if row["method"] == Method.NONE.value}
-    with_radios = [row for row in rows if row["method"] != Method.NONE.value]
+    before = {_event(row): row for row in rows if row.method is Method.NONE}
+    with_radios = [row for row in rows if row.method is not Method.NONE]
     lines = []
     for crashes in ("all", "crossing", "rear-end"):
         events = {
@@ -201,8 +211,7 @@ def ablation_table(settings: AblationSettings, rows: Sequence[Row]) -> list[_Lin
             mine = [
                 row
                 for row in with_radios
-                if (row["profile"], row["driver"]) == (profile, driver.value)
-                and _event(row) in events
+                if (row.profile, row.driver) == (profile, driver) and _event(row) in events
             ]
             is_first = (profile, driver) == (settings.profiles[0], Driver.WARNED)
             alarm = "at the onset" if driver is Driver.ONSET else "car's"
@@ -218,65 +227,68 @@ def ablation_table(settings: AblationSettings, rows: Sequence[Row]) -> list[_Lin
     return lines
 
 
-def _event(row: Row) -> _Event:
-    return row["kind"], row["seed"]
+def _event(row: AblationRow) -> _Event:
+    return row.kind.value, row.seed
 
 
-def _kind_of_crash(row: Row) -> str:
+def _kind_of_crash(row: AblationRow) -> str:
     """By the angle of the crash without radios; by the event, if there is none."""
-    if row["crash"]:
-        return "crossing" if row["angle_deg"] > _CROSSING_DEG else "rear-end"
-    return "crossing" if row["kind"] == TrafficEventKind.RED_LIGHT.value else "rear-end"
+    if isinstance(row, SimulatedRun) and row.angle_deg is not None:
+        return "crossing" if row.angle_deg > _CROSSING_DEG else "rear-end"
+    return "crossing" if row.kind is TrafficEventKind.RED_LIGHT else "rear-end"
 
 
 def _line(
-    step: tuple[str, str, str, str, str], before: dict[_Event, Row], mine: list[Row]
-) -> _Line:
+    step: tuple[str, str, str, str, str], before: dict[_Event, AblationRow], mine: list[AblationRow]
+) -> AblationLine:
     *_, alarm, counted = step
     avoided = dict.fromkeys(before, 0.0)
     for row in mine:
         avoided[_event(row)] += _avoided(row, before[_event(row)], alarm, counted)
-    crashed = [float(row["crash"]) for row in before.values()]
-    clusters = [row["pair"] or event for event, row in before.items()]
-    no_radio = [row for row in mine if row["outcome"] == CrashOutcome.NO_RADIO.value]
+    crashed = [float(row.crash) for row in before.values()]
+    clusters = [row.pair or event for event, row in before.items()]
+    no_radio = [row for row in mine if row.outcome == CrashOutcome.NO_RADIO]
     crashes = sum(crashed)
     low, high = cluster_interval(clusters, list(avoided.values()), crashed)
-    return _Line(
+    return AblationLine(
         *step,
         events=len(before),
-        pairs=len({row["pair"] for row in before.values() if row["pair"]}),
+        pairs=len({row.pair for row in before.values() if row.pair}),
         angle_p10_deg=angle_deg(before.values(), 10),
         angle_p50_deg=angle_deg(before.values(), 50),
         angle_p90_deg=angle_deg(before.values(), 90),
         p_without_radios=crashes / len(before) if before else math.nan,
-        avoidable=1.0 - sum(r["probability"] for r in no_radio) / crashes if crashes else math.nan,
+        avoidable=1.0 - sum(r.probability for r in no_radio) / crashes if crashes else math.nan,
         reduction=sum(avoided.values()) / crashes if crashes else math.nan,
         reduction_low_95=low,
         reduction_high_95=high,
-        warned_before_s=median([row for row in mine if "driven_s" in row], "warned_before_s"),
+        warned_before_s=median(
+            [row for row in mine if isinstance(row, SimulatedRun)], "warned_before_s"
+        ),
     )
 
 
-def _avoided(row: Row, before: Row, alarm: str, counted: str) -> float:
+def _avoided(row: AblationRow, before: AblationRow, alarm: str, counted: str) -> float:
     """Expected crashes that a run avoids, less those that it causes."""
-    if row["outcome"] is None:  # no crash without radios: a warning may cause one
+    if row.outcome is None:  # no crash without radios: a warning may cause one
         counts = alarm != "paper's" and counted == "any"
-        return -float(row["weight"]) * float(row["crash"]) if counts else 0.0
-    if row["outcome"] == CrashOutcome.NO_RADIO.value:
-        return float(row["weight"]) * (float(before["crash"]) - float(row["crash"]))
+        return -float(row.weight) * float(row.crash) if counts else 0.0
+    if row.outcome == CrashOutcome.NO_RADIO:
+        return float(row.weight) * (float(before.crash) - float(row.crash))
     if alarm != "paper's":
-        happens = row["crash"] if counted == "any" else row["outcome"] not in _TWO_AVOIDED
+        happens = row.crash if counted == "any" else row.outcome not in _TWO_AVOIDED
     else:
-        happens = row["paper_alarm_crash" if counted == "any" else "paper_alarm_same_pair"]
-    return 0.0 if happens else float(row["probability"])
+        assert isinstance(row, SimulatedRun)  # noqa: S101 (a skipped run has no radio that counts)
+        happens = row.paper_alarm_crash if counted == "any" else row.paper_alarm_same_pair
+    return 0.0 if happens else row.probability
 
 
-_TWO_AVOIDED = {CrashOutcome.AVOIDED.value, CrashOutcome.ANOTHER.value}
+_TWO_AVOIDED = {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER}
 
 
-def _draw(table: Sequence[_Line]) -> Figure:
-    """A bar for every step of all crashes, with its interval."""
-    lines = [line for line in table if line.crashes == "all"]
+def picture(results: AblationResults) -> Figure:
+    """Draw a bar for every step of all crashes, with its interval."""
+    lines = [line for line in results.table if line.crashes == "all"]
     figure = Figure(figsize=(7.0, 0.4 * len(lines) + 1.2), layout="constrained")
     axes = figure.subplots()
     names = [f"{line.profile}, {line.driver}, {line.alarm}, {line.counted}" for line in lines]
@@ -289,3 +301,30 @@ def _draw(table: Sequence[_Line]) -> Figure:
     axes.invert_yaxis()
     axes.set_xlabel("reduction of crashes")
     return figure
+
+
+def summary(results: AblationResults) -> str:
+    """The reductions of the first and of the last step."""
+    lines = [line for line in results.table if line.crashes == "all"]
+    first, last = lines[0], lines[-1]
+    return (
+        f"from {first.reduction:.1%} ({first.profile}, {first.alarm} alarm) to"
+        f" {last.reduction:.1%} ({last.profile}, {last.alarm} alarm) of {first.pairs} pairs"
+    )
+
+
+STUDY = Study(
+    name="mvs-ablation",
+    sentence="What each step from the paper's reading of Fig. 9 to the car as shipped costs.",
+    settings=AblationSettings,
+    prepare=prepared,
+    axes=axes,
+    repeat=lambda settings: settings.runs,
+    case=AblationCase,
+    run=run,
+    row=AblationRow,
+    table=table,
+    line=AblationLine,
+    picture=picture,
+    summary=summary,
+)
