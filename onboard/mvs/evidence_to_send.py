@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
+from onboard.mvs.sent_evidence import SentEvidence
 from onboard.mvs.settings import MvsSettings
 from onboard.tracking.evidence import Evidence, Measurement, stamp_ms_of
 from onboard.tracking.evidence_store import EvidenceView, StoredEvidence
@@ -41,6 +42,7 @@ class EvidenceToSend:
         self._rng = rng
         self._acceleration_density = acceleration_density
         self._max_measurements = max_measurements
+        self.sent = SentEvidence()
         self._selected_ms = 0
         """When evidence was last selected for a footer."""
 
@@ -78,11 +80,11 @@ class EvidenceToSend:
         """
         measured = [
             (track, newest)
-            for track in sorted(tracks, key=_shared_ms)
-            if (newest := _newest_own(track, now_ms, own_ids)) is not None
+            for track in sorted(tracks, key=self._shared_ms)
+            if (newest := self._newest_own(track, now_ms, own_ids)) is not None
         ][: self._settings.max_entries]
         for track, newest in measured:
-            track.shared_ms = newest.stamp_ms
+            self.sent[track].sdsm_ms = newest.stamp_ms
         return measured
 
     def _candidate(self, track: Track, now_ms: int, own_ids: Collection[bytes]) -> Candidate | None:
@@ -92,18 +94,35 @@ class EvidenceToSend:
         arrives in between is sent once, however punctual the broadcasts are. Evidence without a
         measurement that was not sent before is left out: old measurements make an estimate old.
         """
+        sent = self.sent[track]
         received = [
             each for each in track.evidence.values() if each.received_ms >= self._selected_ms
         ]
         unsent = [
             each
             for each in received
-            if each.oldest_ms >= now_ms - _SPAN_MS and not each.provenance <= track.sent
+            if each.oldest_ms >= now_ms - _SPAN_MS and not each.provenance <= sent.measurements
         ]
         if not unsent:
             return None
         is_sensed = any(_is_own_measurement(each, own_ids) for each in unsent)
-        return Candidate(EvidenceView(unsent), len(received), is_sensed, track.sent_ms)
+        return Candidate(EvidenceView(unsent), len(received), is_sensed, sent.footer_ms)
+
+    def _newest_own(
+        self, track: Track, now_ms: int, own_ids: Collection[bytes]
+    ) -> Measurement | None:
+        """Return the newest own measurement that was not sent in an SDSM, if it is not too old."""
+        since_ms = max(self._shared_ms(track), now_ms - _SPAN_MS)
+        own = [
+            each
+            for each in track.evidence.values()
+            if each.stamp_ms > since_ms and _is_own_measurement(each, own_ids)
+        ]
+        piece = max(own, key=stamp_ms_of).piece if own else None
+        return piece if isinstance(piece, Measurement) else None
+
+    def _shared_ms(self, track: Track) -> int:
+        return self.sent[track].sdsm_ms
 
     def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> list[Evidence]:
         """The paper's Estimate: one ME from the independent ones of all MEs about a vehicle.
@@ -119,21 +138,5 @@ class EvidenceToSend:
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
 
-def _newest_own(track: Track, now_ms: int, own_ids: Collection[bytes]) -> Measurement | None:
-    """Return the newest own measurement that was not sent in an SDSM, if it is not too old."""
-    since_ms = max(track.shared_ms, now_ms - _SPAN_MS)
-    own = [
-        each
-        for each in track.evidence.values()
-        if each.stamp_ms > since_ms and _is_own_measurement(each, own_ids)
-    ]
-    piece = max(own, key=stamp_ms_of).piece if own else None
-    return piece if isinstance(piece, Measurement) else None
-
-
 def _is_own_measurement(stored: StoredEvidence, own_ids: Collection[bytes]) -> bool:
     return stored.is_measurement and all(observer in own_ids for observer, _ in stored.provenance)
-
-
-def _shared_ms(track: Track) -> int:
-    return track.shared_ms

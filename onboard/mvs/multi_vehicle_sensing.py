@@ -19,7 +19,7 @@ from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
 from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.evidence_to_send import EvidenceToSend
-from onboard.mvs.footer_coding import encode_within, free_number, read
+from onboard.mvs.footer_coding import encode_within, read
 from onboard.mvs.footer_validation import MAX_ENTRIES, OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
@@ -210,6 +210,8 @@ class MultiVehicleSensing(Core):
         self._remote_vehicles.drop_silent(now)
         self._road_side_units.drop_silent(now)
         self._tracks.update(now_ms)
+        for kept, merged in self._tracks.merged:
+            self._evidence_to_send.sent.merge(kept, merged)
         reported = {self.own_id: self._own_state()}
         reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
         states = as_state_arrays(list(reported.values()), self._utc_ms)
@@ -231,10 +233,7 @@ class MultiVehicleSensing(Core):
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._host.anchor)
         data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.max_bytes)
-        by_number = {track.wire_number: track for track in tracks}
-        for number, piece in fitting:
-            by_number[number].sent |= piece.provenance
-            by_number[number].sent_ms = now_ms
+        self._evidence_to_send.sent.receive_footer(fitting, tracks, now_ms)
         return data
 
     def sdsm_to_send(self, now: float) -> SensorDataSharingMessage | None:
@@ -424,10 +423,7 @@ class MultiVehicleSensing(Core):
 
     def _wire_number(self, track: Track) -> int:
         """Return the number of a track on the air, the same in footers and SDSMs."""
-        if track.wire_number is None:
-            used = {each.wire_number for each in self._tracks}
-            track.wire_number = free_number(track.number, used)
-        return track.wire_number
+        return self._evidence_to_send.sent.wire_number(track, self._tracks)
 
     def _own_state(self) -> ReportedState:
         own = self._host.state()

@@ -59,14 +59,6 @@ class Track:
         self.remote_vehicle_id: bytes | None = None
         """Temporary ID of the vehicle with a radio that the track was matched with."""
         self.remote_vehicle_until_ms = 0
-        self.wire_number: int | None = None
-        """The host vehicle's number for it in footers, once it was sent."""
-        self.sent: set[MeasurementId] = set()
-        """The measurements in what the host vehicle has sent of it."""
-        self.sent_ms = 0
-        """When the host vehicle last sent something of it."""
-        self.shared_ms = 0
-        """Time of the last own measurement of it that was sent in an SDSM."""
 
     @property
     def reporters(self) -> frozenset[bytes]:
@@ -189,7 +181,6 @@ class Track:
         self.is_confirmed |= other.is_confirmed
         self.labels |= other.labels
         self.is_sensed |= other.is_sensed
-        self.sent |= other.sent
         self._oldest_ms = min(self._oldest_ms, other._oldest_ms)  # noqa: SLF001 (of the same class)
         self._has_changed = True
 
@@ -233,7 +224,6 @@ class Track:
     def _renumber_bits(self, after_ms: int) -> None:
         """Forget the measurements of `after_ms` or earlier, and number the others anew."""
         self._spent = {identity for identity in self._spent if identity.stamp_ms > after_ms}
-        self.sent = {identity for identity in self.sent if identity.stamp_ms > after_ms}
         self._bits.clear()
         for stored in self.stored:
             stored.mask = self._mask(stored.provenance)

@@ -21,7 +21,7 @@ observers that persist from image to image can place one vehicle this far apart.
 
 def merge_tracks(
     tracks: Sequence[Track], states: StateArrays, now_ms: int, q: float
-) -> tuple[set[int], list[set[int]]]:
+) -> tuple[dict[int, int], list[set[int]]]:
     """Merge tracks of one vehicle.
 
     Two tracks that overlap are merged, if they share a measurement or are certain enough, unless
@@ -36,11 +36,11 @@ def merge_tracks(
         q: spectral density of the acceleration noise, m^2/s^3.
 
     Returns:
-        indices of the tracks that were merged into another; for each track the indices of those
-        that may be duplicates of it, but are not certain enough to be merged.
+        by index of each track that was merged into another that one's index; for each track the
+        indices of those that may be duplicates of it, but are not certain enough to be merged.
     """
     near, apart_m = _near(states.positions_m(now_ms))
-    merged: set[int] = set()
+    merged: dict[int, int] = {}
     duplicates: list[set[int]] = [set() for _ in tracks]
     if not len(near):
         return merged, duplicates
@@ -65,7 +65,7 @@ def merge_tracks(
         certain = spread <= (CERTAIN_M * (1.0 + 4.0 * age_s)) ** 2
         if overlaps and (certain or first.shares_measurement_with(second)):
             first.merge(second)
-            merged.add(j)
+            merged[j] = i
         elif fits and first.is_confirmed and second.is_confirmed:
             duplicates[i].add(j)
             duplicates[j].add(i)

@@ -93,6 +93,8 @@ class Tracks:
     def __init__(self, parameters: TrackingParameters = DEFAULTS) -> None:
         self._parameters = parameters
         self._tracks: list[Track] = []
+        self.merged: list[tuple[Track, Track]] = []
+        """By the last update: what was kept, and what it was merged with."""
         self._by_label: dict[Label, Track] = {}
         self._last_number = 0
         self._store = EvidenceStore()
@@ -330,6 +332,7 @@ class Tracks:
         kept = [at for at in range(len(states)) if at not in merged]
         variances = position_variances(states, now_ms, q)
         choose_reported(self._tracks, kept, duplicates, variances)
+        self.merged = [(self._tracks[into], self._tracks[at]) for at, into in merged.items()]
         if merged:
             self._tracks = [self._tracks[at] for at in kept]
             self._cached_states = states[kept]

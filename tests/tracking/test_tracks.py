@@ -104,15 +104,17 @@ def test_a_number_that_jumps_to_another_car_is_another_car() -> None:
 def test_two_numbers_of_one_vehicle_are_merged() -> None:
     """Two senders measure it from afar; it is never reported as two vehicles."""
     rng = np.random.default_rng(0)
-    tracks = Tracks()
+    tracks, merged = Tracks(), []
     for k in range(12):
         for at, sender in enumerate((A, B)):
             stamp_ms = 1000 + 100 * k + 30 * at
             place = rng.normal(0, 1.0, 2)
             receive(tracks, sender, {5: measured(*place, stamp_ms, 1.0, by=sender)}, stamp_ms + 10)
+            merged += tracks.merged
             assert sum(track.is_reported for track in tracks) <= 1
 
     (track,) = tracks
+    assert [kept for kept, _ in merged] == [track]
     assert {observer for observer, _ in track.estimate.provenance} == {A, B}
 
 
