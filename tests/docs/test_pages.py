@@ -1,4 +1,4 @@
-"""The pages: links lead somewhere, names exist in the code, and all of it stays short."""
+"""The pages: links lead somewhere, names exist in the code, and no page grows without end."""
 
 import re
 from functools import cache
@@ -14,7 +14,7 @@ PAGES = [
 CODE = ("onboard", "sim_rig", "bench", "training", "tools", "deploy", "tests", "fuzz", "examples")
 MOST_WORDS = 42_000
 """Of README and pages together, counted as by `wc -w`."""
-MOST_WORDS_OF_A_DESIGN_PAGE = 1_200
+MOST_WORDS_OF_A_DESIGN_PAGE = 1_800
 
 
 def name_of(page: Path) -> str:
@@ -49,6 +49,12 @@ def paths() -> frozenset[str]:
     return frozenset(name_of(path) for folder in CODE for path in (ROOT / folder).rglob("*.*"))
 
 
+@cache
+def folders() -> frozenset[str]:
+    """Every folder with code, from the repository's root."""
+    return frozenset(f"{parent}/" for path in paths() for parent in Path(path).parents)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
@@ -71,6 +77,26 @@ def test_every_constant_and_file_that_a_page_names_exists(page: Path) -> None:
 
     assert not {*constants, *settings} - words_of_the_code()
     assert not [each for each in files if not any(f"/{p}".endswith(f"/{each}") for p in paths())]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_folder_that_a_page_names_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(rf"`((?:{'|'.join(CODE)})/[\w/]*|(?:[a-z_]\w*/)+)`", text)
+
+    assert not [
+        each
+        for each in named
+        if not any(f"/{f}".endswith(f"/{each.strip('/')}/") for f in folders())
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_pattern_of_files_that_a_page_names_has_files(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    patterns = re.findall(rf"`((?:{'|'.join(CODE)})/[\w./]*\*[\w./*]*)`", text)
+
+    assert not [each for each in patterns if not any(ROOT.glob(each))]
 
 
 def test_the_pages_stay_short() -> None:
