@@ -14,8 +14,6 @@ from typing_extensions import override
 
 from onboard.access.adaptation import AccessAdaptation, ReactionObserved
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.brake_request.brake_requester import BrakeRequester
-from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
 from onboard.core import Core
 from onboard.intersections.intersections import Intersections
 from onboard.lcca.group import WarningGroup
@@ -28,22 +26,8 @@ from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.messages.spat import Spat
 from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
-from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
-from onboard.mvs.settings import SharedIn
-from onboard.observations import (
-    BrakePedal,
-    DetectionList,
-    Discarded,
-    HardBrake,
-    Lead,
-    Position,
-    Sensor,
-    Speed,
-    TurnSignal,
-    VehicleDetection,
-)
+from onboard.observations import Discarded, HardBrake, Lead, Position, Sensor, Speed
 from onboard.risk.alarm import Assessment, Cause
-from onboard.risk.monitor import RiskMonitor
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_sensors import HostSensors
@@ -53,6 +37,8 @@ from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.lcca_application import LccaApplication
+from onboard.vehicle.risk_response import RiskResponse
+from onboard.vehicle.shared_sensing import SharedSensing
 
 ASSESSMENT_INTERVAL_S = 0.1
 """Period of the risk assessment: that of BSMs."""
@@ -134,24 +120,29 @@ class Vehicle(Core):
             misbehaviour=self._misbehaviour,
             claims=self._claims,
         )
-        size = VehicleSize(width_m=config.car.width_m, length_m=config.car.length_m)
-        self._transmitter = BsmTransmitter(size, pseudonym, rng, now)
-        self._mvs = MultiVehicleSensing(config.mvs, pseudonym.temporary_id, rng, utc_offset_s)
+        size_m = config.car.length_m, config.car.width_m
+        self._sharing = SharedSensing(
+            config.mvs,
+            VehicleSize(length_m=size_m[0], width_m=size_m[1]),
+            pseudonym,
+            rng,
+            now=now,
+            utc_offset_s=utc_offset_s,
+        )
         self._access = (
             AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
             if config.access.enabled
             else None
         )
         self._intersections = Intersections()
-        self._risk = RiskMonitor(
-            config.risk, config.car.length_m, config.car.width_m, self._permits, self._host
+        self._risk = RiskResponse(
+            config.risk,
+            size_m,
+            self._host,
+            brake_request=config.brake_request,
+            permits=self._permits,
         )
         self._take_reaction_time()
-        self._brake_requester = (
-            BrakeRequester(config.brake_request, self._host)
-            if config.brake_request is not None
-            else None
-        )
         self._position: Position | None = None
         self._assess_at = self._report_surroundings_at = now
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
@@ -165,16 +156,16 @@ class Vehicle(Core):
         precedes the reports of the cores that it is based on.
         """
         if self._config.beacons:  # without, its timer would stay due: no BSM is ever taken
-            yield self._transmitter
+            yield self._sharing.transmitter
         if self._access is not None:
             yield self._access
         if self._bus is not None:
             yield self._bus
-        if self._brake_requester is not None:
-            yield self._brake_requester
+        if self._risk.brake_requester is not None:
+            yield self._risk.brake_requester
         if self._claims is not None:
             yield self._claims.credibility
-        yield from (self._risk, self._intersections, self._mvs)
+        yield from (self._risk.monitor, self._intersections, self._sharing.mvs)
         if link is not None:
             yield link
         yield self._sensors
@@ -204,13 +195,12 @@ class Vehicle(Core):
         """Set UTC less the time of the cores, which messages and IDs need."""
         self._utc_offset_s = utc_offset_s
         self._lcca.utc_offset_s = utc_offset_s
-        self._mvs.set_utc_offset(utc_offset_s)
+        self._sharing.set_utc_offset(utc_offset_s)
 
     def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
         """Change all identifiers at once, so that nothing links the old ones to the new ones."""
         self._lcca.change_pseudonym(pseudonym, now)
-        self._transmitter.change_identity(pseudonym, now)
-        self._mvs.set_own_id(pseudonym.temporary_id)
+        self._sharing.change_pseudonym(pseudonym, now)
         self._lcca.follow_lead(now)
 
     # ---- time and events ------------------------------------------------------------------
@@ -258,29 +248,18 @@ class Vehicle(Core):
         if not self._sensors.receive_observation(observation, now):
             return
         self._host.receive_observation(observation)
+        self._sharing.receive_observation(observation, now)
         match observation:
             case Speed():
                 self._receive_speed(observation, now)
-            case BrakePedal():
-                self._transmitter.receive_pedal(observation)
-            case TurnSignal():
-                self._transmitter.receive_turn_signal(observation)
             case HardBrake():
                 self._lcca.receive_hard_brake(observation, now)
-                self._transmitter.receive_hard_brake(observation, now)
             case Lead():
                 self._receive_lead(observation, now)
             case Position():
                 self._position = observation
-                self._transmitter.receive_position(observation)
-                self._mvs.receive_position(observation)
                 self._intersections.receive_position(observation)
-            case VehicleDetection():
-                self._mvs.receive_detection(observation)
-            case DetectionList():
-                for detection in observation.cars:
-                    self._mvs.receive_detection(detection)
-        self._assess_again(observation, now)
+        self._risk.receive_event(observation, now)
         if self._access is not None:
             self._access.receive_observation(observation, now)
             self._take_access(now)
@@ -290,7 +269,6 @@ class Vehicle(Core):
         if self._claims is not None:
             self._claims.receive_speed(speed.speed_m_s, now)
         self._lcca.receive_speed(speed, now)
-        self._transmitter.receive_speed(speed)
 
     def _receive_lead(self, lead: Lead, now: float) -> None:
         if self._claims is not None:
@@ -325,7 +303,11 @@ class Vehicle(Core):
                 self._intersections.receive_spat(message, signer_id, now, utc_s)
             case _:
                 self._lcca.receive_message(
-                    message, signer_id, made_at_s, now, heading_rad=self._heading_rad(now)
+                    message,
+                    signer_id,
+                    made_at_s,
+                    now,
+                    heading_rad=self._sharing.heading_rad(now),
                 )
                 self._take_lcca(now)
 
@@ -340,17 +322,12 @@ class Vehicle(Core):
         if reason is not None:
             self._discard("bsm", reason, core.temporary_id, now)
             return
-        position = position_in(core, now, self._utc_offset_s)
         remote_id = self._misbehaviour.remote_id(sender, core.temporary_id)
         if remote_id != core.temporary_id:
             # Footers name the sources of measurements by temporary ID: two cannot have one.
             message = replace(message, core=replace(core, temporary_id=remote_id), footer=None)
-        is_used = self._mvs.receive_bsm(
-            remote_id, position, message.footer, now, core.acceleration.longitudinal_m_s2
-        )
-        self._transmitter.receive_remote_vehicle(sender, position, now)
-        if is_used:
-            self._risk.receive_bsm(message, now)
+        if self._sharing.receive_bsm(message, sender, now):
+            self._risk.monitor.receive_bsm(message, now)
         if core.speed_m_s is not None:
             self._lcca.identification.receive_speed_on_air(
                 sender, core.temporary_id, core.speed_m_s, now
@@ -363,7 +340,7 @@ class Vehicle(Core):
         if self._misbehaviour.remote_id(signer_id or source_id, source_id) != source_id:
             self._discard("sdsm", "implausible_identity", source_id, now)
             return
-        self._mvs.receive_sdsm(message, now)
+        self._sharing.mvs.receive_sdsm(message, now)
 
     def _discard(self, component: str, reason: str, temporary_id: bytes, now: float) -> None:
         self._events.append(Discarded(now, component, reason, f"from {temporary_id.hex()}"))
@@ -373,36 +350,27 @@ class Vehicle(Core):
     def messages_to_send(self, now: float) -> list[SentMessage]:
         """Return the messages that are due, those of LCCA first, in the order of sending."""
         messages: list[SentMessage] = [*self._lcca.messages_to_send(now)]
-        if self._config.beacons and self._transmitter.take_due(now):
-            messages += self._bsm_and_sdsm(now)
+        if self._config.beacons and self._sharing.transmitter.take_due(now):
+            messages += self._sharing.messages(now)
         return messages
-
-    def _bsm_and_sdsm(self, now: float) -> Iterator[SentMessage]:
-        shared_in, footer = self._config.mvs.shared_in, None
-        if shared_in is not SharedIn.SDSM:
-            footer = self._mvs.footer_to_send(now) or None
-        utc_s = now + self._utc_offset_s
-        yield self._transmitter.bsm(footer, now, utc_s, self._heading_rad(now))
-        if shared_in is not SharedIn.FOOTER:
-            shared = self._mvs.sdsm_to_send(now)
-            if shared is not None:
-                yield shared
 
     # ---- between the cores ----------------------------------------------------------------
 
     def _assess(self, now: float) -> None:
         """Assess the risk from the current states of all vehicles."""
         self._assess_at = now + ASSESSMENT_INTERVAL_S
-        self._mvs.update(now)
-        host_vehicle, perceived_objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
+        mvs = self._sharing.mvs
+        mvs.update(now)
+        host_vehicle, perceived_objects = mvs.host_vehicle(now), mvs.kinematic_info(now)
         self._surroundings = (host_vehicle, perceived_objects)
-        self._intersections.receive_host_vehicle(host_vehicle, self._mvs.frame, now)
+        self._intersections.receive_host_vehicle(host_vehicle, mvs.frame, now)
         red_light_m = self._intersections.red_light_m
-        heading = self._mvs.heading(now)
+        heading = mvs.heading(now)
         if self._claims is not None:
             perceived_objects = self._claims.alarming(perceived_objects, now)
-        self._risk.assess(host_vehicle, perceived_objects, now, red_light_m, heading)
-        self._request_braking(now)
+        self._risk.assess(
+            host_vehicle, perceived_objects, now, heading=heading, red_light_m=red_light_m
+        )
         self._lcca.identification.receive_offsets(
             {}
             if host_vehicle is None or heading is None
@@ -413,23 +381,14 @@ class Vehicle(Core):
             if host_vehicle is not None:
                 self._events.extend([host_vehicle, *self._surroundings[1]])
 
-    def _assess_again(self, event: Event, now: float) -> None:
-        """Let the alarms take an observation or an event at once, between assessments."""
-        if self._risk.receive_event(event, now):
-            self._request_braking(now)
-
     def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         return self._claims is None or self._claims.permits(cause, assessment, now)
-
-    def _request_braking(self, now: float) -> None:
-        if self._brake_requester is not None:
-            self._brake_requester.assess(self._risk.assessments, now)
 
     def _take_access(self, now: float) -> None:
         access = self._access
         if access is None:
             return
-        self._transmitter.receive_max_interval(access.longest_interval_s, now)
+        self._sharing.transmitter.receive_max_interval(access.longest_interval_s, now)
         while (event := access.next_event()) is not None:
             self._events.append(event)
             if isinstance(event, ReactionObserved):
@@ -437,14 +396,9 @@ class Vehicle(Core):
 
     def _take_reaction_time(self) -> None:
         if self._access is not None and self._access.reaction_s is not None:
-            self._risk.receive_reaction_time(self._access.reaction_s)
+            self._risk.monitor.receive_reaction_time(self._access.reaction_s)
 
     def _take_lcca(self, now: float) -> None:
         for event in self._lcca.take_events(now):
             self._events.append(event)
-            self._assess_again(event, now)
-
-    def _heading_rad(self, now: float) -> float | None:
-        """Return the heading, clockwise from north; `None` if it is not known."""
-        heading = self._mvs.heading(now)
-        return None if heading is None else heading.heading_rad
+            self._risk.receive_event(event, now)

@@ -1,0 +1,139 @@
+"""Shared sensing of one vehicle: its BSMs and SDSMs, and MVS, whose evidence they carry.
+
+Both ways meet here: what the sensors measure goes out, and what others send comes in.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
+from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.sdsm import SensorDataSharingMessage
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.received_footers import SharedEntries
+from onboard.mvs.settings import MvsSettings, SharedIn
+from onboard.observations import (
+    BrakePedal,
+    DetectionList,
+    HardBrake,
+    Position,
+    Speed,
+    TurnSignal,
+    VehicleDetection,
+)
+from onboard.security.pseudonyms import Pseudonym
+from onboard.step import Observation
+from onboard.tracking.tracks import DEFAULTS, TrackingParameters
+
+
+class SharedSensing:
+    """Measures, sends and receives, in values; the timers of its cores are handled by others."""
+
+    def __init__(
+        self,
+        settings: MvsSettings,
+        size: VehicleSize,
+        pseudonym: Pseudonym,
+        rng: np.random.Generator,
+        *,
+        now: float,
+        utc_offset_s: float,
+        tracking: TrackingParameters = DEFAULTS,
+    ) -> None:
+        """Start without tracks.
+
+        Args:
+            settings: of MVS.
+            size: of the vehicle.
+            pseudonym: the present identifiers.
+            rng: for the jitter of BSMs, and for selections that choose at random.
+            now: time on the clock of the cores in s.
+            utc_offset_s: UTC in seconds since 1970 less that time.
+            tracking: parameters of the tracker.
+        """
+        self._shared_in = settings.shared_in
+        self._utc_offset_s = utc_offset_s
+        self.transmitter = BsmTransmitter(size, pseudonym, rng, now)
+        self.mvs = MultiVehicleSensing(
+            settings, pseudonym.temporary_id, rng, utc_offset_s, tracking=tracking
+        )
+
+    def set_utc_offset(self, utc_offset_s: float) -> None:
+        """Set UTC less the time of the cores."""
+        self._utc_offset_s = utc_offset_s
+        self.mvs.set_utc_offset(utc_offset_s)
+
+    def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
+        """Send under other identifiers."""
+        self.transmitter.change_identity(pseudonym, now)
+        self.mvs.set_own_id(pseudonym.temporary_id)
+
+    def heading_rad(self, now: float) -> float | None:
+        """Return the heading, clockwise from north; `None` if it is not known."""
+        heading = self.mvs.heading(now)
+        return None if heading is None else heading.heading_rad
+
+    def receive_observation(self, observation: Observation, now: float) -> None:
+        """Take what a sensor of the vehicle has measured."""
+        match observation:
+            case Speed():
+                self.transmitter.receive_speed(observation)
+            case BrakePedal():
+                self.transmitter.receive_pedal(observation)
+            case TurnSignal():
+                self.transmitter.receive_turn_signal(observation)
+            case HardBrake():
+                self.transmitter.receive_hard_brake(observation, now)
+            case Position():
+                self.transmitter.receive_position(observation)
+                self.mvs.receive_position(observation)
+            case VehicleDetection():
+                self.mvs.receive_detection(observation)
+            case DetectionList():
+                for detection in observation.cars:
+                    self.mvs.receive_detection(detection)
+
+    def receive_bsm(
+        self,
+        message: BasicSafetyMessage,
+        sender: bytes,
+        now: float,
+        *,
+        entries: SharedEntries | None = None,
+    ) -> bool:
+        """Take a BSM from the air.
+
+        Args:
+            message: as decoded.
+            sender: who has sent it, whose BSMs the vehicle density counts once.
+            now: time of reception.
+            entries: of its footer, if that is decoded already.
+
+        Returns:
+            whether what it reports of its sender may be used, by what is known here.
+        """
+        core = message.core
+        position = position_in(core, now, self._utc_offset_s)
+        is_used = self.mvs.receive_bsm(
+            core.temporary_id,
+            position,
+            message.footer if entries is None else entries,
+            now,
+            core.acceleration.longitudinal_m_s2,
+        )
+        self.transmitter.receive_remote_vehicle(sender, position, now)
+        return is_used
+
+    def messages(self, now: float) -> Iterator[BasicSafetyMessage | SensorDataSharingMessage]:
+        """Yield the BSM at `now`, due or not, and the SDSM that goes with it, if there is one."""
+        footer = None
+        if self._shared_in is not SharedIn.SDSM:
+            footer = self.mvs.footer_to_send(now) or None
+        utc_s = now + self._utc_offset_s
+        yield self.transmitter.bsm(footer, now, utc_s, self.heading_rad(now))
+        if self._shared_in is not SharedIn.FOOTER:
+            shared = self.mvs.sdsm_to_send(now)
+            if shared is not None:
+                yield shared
