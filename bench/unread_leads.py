@@ -15,8 +15,9 @@ import numpy as np
 from bench import Figure
 from onboard.observations import Lead
 from onboard.vision.networks import load_networks
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sized_camera import Networks
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=1108.0, focal_y_px=1108.0, pitch_rad=0.02)

@@ -24,7 +24,7 @@ import psutil
 from bench import Figure
 from bench._tables import write_tables
 from onboard.vision.networks import load_perception
-from onboard.vision.perception import DEFAULT_PARAMETERS, PerceptionParameters
+from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 

@@ -20,10 +20,11 @@ from onboard.observations import Lead
 from onboard.security.plate_digest import normalised
 from onboard.tools.see.annotated_frame import AnnotatedFrame, annotate_frames
 from onboard.vision.frames import Frame
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sized_camera import Networks
 from onboard.vision.syntax import PlateSyntax
 from onboard.vision.vehicle_network import VehicleFinder
 from sim_rig.rendering.plate_art import FORMATS

@@ -19,7 +19,8 @@ from onboard.observations import Lead, Plate
 from onboard.security.plate_digest import normalised
 from onboard.vision.frames import decode_image
 from onboard.vision.networks import load_networks
-from onboard.vision.perception import Perception, PerceptionParameters
+from onboard.vision.parameters import PerceptionParameters
+from onboard.vision.perception import Perception
 from onboard.vision.plate_reader import CERTAIN, Image, PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE

@@ -2,16 +2,13 @@
 
 from onboard.vision.box_model import BoxModel
 from onboard.vision.external_plate_detector import ExternalPlateDetector
-from onboard.vision.perception import (
-    DEFAULT_PARAMETERS,
-    Networks,
-    Perception,
-    PerceptionParameters,
-)
+from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plates import PlateFinder
 from onboard.vision.settings import Calibration, VisionSettings
+from onboard.vision.sized_camera import Networks
 from onboard.vision.syntax import PlateSyntax
 from onboard.vision.vehicle_network import VehicleFinder
 

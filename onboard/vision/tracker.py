@@ -75,7 +75,16 @@ class Tracker:
         self._lane_width_m = lane_width_m
         self._slope = slope
         self._next_id = 1
+        self._size_px: tuple[int, int] | None = None
         self.tracks: list[VehicleTrack] = []
+
+    def receive_size(self, size_px: tuple[int, int]) -> None:
+        """Convert the tracks' pixels to those of frames of this width and height."""
+        if self._size_px not in (None, size_px):
+            for track in self.tracks:
+                scaled = track.corners_px * np.divide(size_px, self._size_px)
+                track.corners_px = scaled.astype(np.float32)
+        self._size_px = size_px
 
     def receive_detections(
         self, detections: list[Detection], stamp_s: float

@@ -2,10 +2,14 @@
 
 import math
 
+import numpy as np
+import numpy.typing as npt
+
 from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.look_alikes import folded
 from onboard.vision.motion import FrameMotion
+from onboard.vision.perspective import bounding_box
 from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
 from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
@@ -151,6 +155,11 @@ class VehicleTrack:
         """
         is_vehicle = self._is_found_vehicle and self._vehicles >= CONFIRM_DETECTIONS
         return not is_vehicle and self.still_in_picture.is_still(stamp_s)
+
+    def receive_image(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
+        """Watch whether it stays on its pixels, if it was observed in this (h, w, 3) BGR image."""
+        if self.observed_at == stamp_s:
+            self.still_in_picture.receive_frame(image, bounding_box(self.corners_px), stamp_s)
 
     @property
     def text(self) -> str | None:

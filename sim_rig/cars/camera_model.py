@@ -16,7 +16,7 @@ from onboard.observations import (
     VehicleDetection,
 )
 from onboard.vision.detection import DetectionKind
-from onboard.vision.perception import DEFAULT_PARAMETERS
+from onboard.vision.parameters import DEFAULT_PARAMETERS
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.tracker import KEEP_S
 from sim_rig.cars.camera_projection import CameraProjection

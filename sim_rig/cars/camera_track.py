@@ -14,7 +14,7 @@ import numpy as np
 from onboard.observations import PlateCandidate, VehicleDetection
 from onboard.vision.detection import DetectionKind
 from onboard.vision.lead import MAX_MISSED_S
-from onboard.vision.perception import DEFAULT_PARAMETERS
+from onboard.vision.parameters import DEFAULT_PARAMETERS
 from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plates import MIN_PX

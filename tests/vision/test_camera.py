@@ -19,7 +19,7 @@ from onboard.observations import Discarded, Lead, SensorLost
 from onboard.vision.camera import CameraThread, open_frames
 from onboard.vision.frames import CameraError, Frame, decode_image
 from onboard.vision.networks import load_perception
-from onboard.vision.perception import PerceptionParameters
+from onboard.vision.parameters import PerceptionParameters
 from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar

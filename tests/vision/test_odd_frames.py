@@ -9,10 +9,11 @@ import pytest
 from onboard.observations import LeadIdentity, Sensor, SensorLost, SensorRecovered
 from onboard.vision.frame_check import UPSIDE_DOWN_FRAMES, FrameCheck
 from onboard.vision.frames import decode_image
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sized_camera import Networks
 from sim_rig.rendering.scene import Light, Scene, SceneCar
 from tests.vision.drive import Observed, frames, observe
 

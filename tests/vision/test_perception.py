@@ -17,8 +17,9 @@ from onboard.observations import (
     VehicleDetection,
 )
 from onboard.vision.networks import load_perception
-from onboard.vision.perception import DEFAULT_PARAMETERS, GUESSED_LENS_SIGMA
+from onboard.vision.parameters import DEFAULT_PARAMETERS
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sized_camera import GUESSED_LENS_SIGMA
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, TAGS, frames, observe
 

@@ -9,10 +9,11 @@ import pytest
 from onboard.observations import LeadIdentity
 from onboard.tools.see.annotated_frame import annotate_frames
 from onboard.vision.camera import open_frames
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import Image, PlateDetector
 from onboard.vision.plate_reader import PlateReader, Plates, PlateText
 from onboard.vision.settings import CameraSettings, VisionSettings
+from onboard.vision.sized_camera import Networks
 from sim_rig.rendering.plate_art import EU, FORMATS, PlateFormat, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
 from tests.vision.drive import Observed, frames, observe

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from onboard.observations import ImageBox, Lead, Plate, PlateCandidate
-from onboard.vision.perception import Networks, Perception, PerceptionParameters
+from onboard.vision.parameters import PerceptionParameters
+from onboard.vision.perception import Perception
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.plate_detector import Corners, Image, PlateDetection
 from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.settings import Calibration, VisionSettings
+from onboard.vision.sized_camera import Networks
 from tests.vision.drive import CAMERA
 
 SETTINGS = VisionSettings(tag_dictionary=None)

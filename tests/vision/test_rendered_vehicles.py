@@ -6,8 +6,9 @@ import pytest
 
 from onboard.observations import ImageBox, VehicleDetection
 from onboard.tools.see.score import overlap
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.settings import Calibration, VisionSettings
+from onboard.vision.sized_camera import Networks
 from onboard.vision.vehicle_network import VehicleFinder, VehicleKind
 from sim_rig.rendering.street.canvas import FINE, Canvas, Daylight, RoadCamera
 from sim_rig.rendering.street.ground import RoadLayout, draw_ground

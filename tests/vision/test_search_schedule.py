@@ -4,10 +4,11 @@ import pytest
 
 from onboard.observations import ImageBox
 from onboard.vision.networks import load_networks
-from onboard.vision.perception import Networks, Perception
+from onboard.vision.perception import Perception
 from onboard.vision.plate_detector import Image, PlateDetection
 from onboard.vision.plates import Corners, Plates, PlateText
 from onboard.vision.settings import VisionSettings
+from onboard.vision.sized_camera import Networks
 from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
 from sim_rig.rendering.scene import Scene
 from tests.vision.drive import CAMERA, Observed, frames, observe

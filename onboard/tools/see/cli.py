@@ -23,7 +23,7 @@ from onboard.tools.see.score import Scores
 from onboard.vision.camera import open_recorded
 from onboard.vision.networks import load_perception
 from onboard.vision.outputs import keep_inputs, writing
-from onboard.vision.perception import PerceptionParameters
+from onboard.vision.parameters import PerceptionParameters
 from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.recordings import ImageSequence, VideoFile
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings

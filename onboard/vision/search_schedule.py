@@ -1,0 +1,119 @@
+"""What is searched in each frame: at fixed periods all of it, otherwise the regions of tracks."""
+
+import math
+
+from onboard.observations import ImageBox
+from onboard.vision.detection import DetectionKind, SearchPlan, TrackRegion
+from onboard.vision.frame_admission import AdmittedFrame
+from onboard.vision.parameters import PerceptionParameters
+from onboard.vision.perspective import bounding_box
+from onboard.vision.vehicle_track import VehicleTrack
+
+MAX_TRACKED_PER_FRAME = 2
+"""Tracks that are searched in one frame; more are searched in turn."""
+OTHERS_PERIOD_S = 0.19
+"""Time between two searches for a track that is not the lead, or for the plate of a vehicle: five a
+second at 15 or 30 frames."""
+
+
+class SearchSchedule:
+    """Plans the searches of one drive after the other."""
+
+    def __init__(self, parameters: PerceptionParameters, *, finds_vehicles: bool) -> None:
+        """Start with nothing searched.
+
+        Args:
+            parameters: periods.
+            finds_vehicles: whether vehicles are detected as such.
+        """
+        self._parameters = parameters
+        self._finds_vehicles = finds_vehicles
+        self._searched_at = self._vehicles_at = -math.inf
+
+    def reset(self) -> None:
+        """Forget what was searched: the next frame is of another drive."""
+        self._searched_at = self._vehicles_at = -math.inf
+
+    def next_plan(
+        self, frame: AdmittedFrame, tracks: list[VehicleTrack], lead: VehicleTrack | None
+    ) -> SearchPlan:
+        """Regions to search in this frame; marks them as searched."""
+        stamp_s = frame.stamp_s
+        if frame.is_cut or stamp_s - self._searched_at >= self._search_period_s(lead):
+            self._searched_at = self._vehicles_at = stamp_s
+            # After a cut, the tracks' regions show something else.
+            known = () if frame.is_cut else (self._region(each, lead, stamp_s) for each in tracks)
+            return SearchPlan(frame.camera.road, known=tuple(known), vehicles=self._finds_vehicles)
+        has_vehicles = stamp_s - self._vehicles_at >= self._vehicles_period_s(lead)
+        if has_vehicles:
+            self._vehicles_at = stamp_s
+        due = self._due(tracks, lead, stamp_s)
+        regions = tuple(self._region(each, lead, stamp_s) for each in due)
+        for each in due:
+            each.searched_at = stamp_s
+        return SearchPlan(tracked=regions, vehicles=has_vehicles)
+
+    def _due(
+        self, tracks: list[VehicleTrack], lead: VehicleTrack | None, stamp_s: float
+    ) -> list[VehicleTrack]:
+        """The lead in every frame, the others in turn."""
+        due = [each for each in tracks if stamp_s - each.searched_at >= _period_s(each, lead)]
+        due.sort(key=lambda track: (track is not lead, track.searched_at))
+        return due[:MAX_TRACKED_PER_FRAME]
+
+    def _search_period_s(self, lead: VehicleTrack | None) -> float:
+        """Between two searches of the whole frame: plates are searched on vehicles in between."""
+        if lead is None and not self._finds_vehicles:
+            return self._parameters.search_period_without_lead_s
+        return self._parameters.search_period_s
+
+    def _vehicles_period_s(self, lead: VehicleTrack | None) -> float:
+        """Between two searches for vehicles: one without a plate is found by them only."""
+        has_plate = lead is not None and lead.last.kind is not DetectionKind.VEHICLE
+        if has_plate or not self._finds_vehicles:
+            return self._search_period_s(lead)
+        return self._parameters.search_period_without_lead_s
+
+    def _region(
+        self, track: VehicleTrack, lead: VehicleTrack | None, stamp_s: float
+    ) -> TrackRegion:
+        return TrackRegion(
+            kind=track.last.kind,
+            corners_px=track.corners_px,
+            region=_around(track, stamp_s),
+            was_detected=track.detected_at >= track.searched_at,
+            read_text=self._is_to_read(track, lead, stamp_s),
+            views=track.views,
+        )
+
+    def _is_to_read(self, track: VehicleTrack, lead: VehicleTrack | None, stamp_s: float) -> bool:
+        """Whether the plate's next reading is due."""
+        parameters = self._parameters
+        if track.text is None and track is lead:
+            return True
+        is_identified = track.text is not None and not track.is_contradicted
+        period_s = (
+            parameters.read_period_identified_s if is_identified else parameters.read_period_s
+        )
+        return stamp_s - track.read_at >= period_s
+
+
+def _period_s(track: VehicleTrack, lead: VehicleTrack | None) -> float:
+    """Time between two searches for a track; vehicles are found in all of the image only."""
+    is_urgent = track is lead or not track.confirmed
+    is_urgent &= track.last.kind is not DetectionKind.VEHICLE
+    return 0.0 if is_urgent else OTHERS_PERIOD_S
+
+
+def _around(track: VehicleTrack, stamp_s: float) -> ImageBox:
+    """Region of a track's plate: a plate's width to each side, wider the older its observation.
+
+    That of a vehicle without a plate is its rear.
+    """
+    box = bounding_box(track.corners_px)
+    if track.last.kind is DetectionKind.VEHICLE:
+        return box
+    reach_px = box.w_px * (1.0 + 2.0 * (stamp_s - track.observed_at)) + 12.0
+    return ImageBox(
+        box.x_px - reach_px, box.y_px - reach_px, box.w_px + 2 * reach_px, box.h_px + 2 * reach_px
+    )
