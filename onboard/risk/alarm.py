@@ -103,7 +103,7 @@ class Hysteresis:
         self._last_at: dict[Level, float] = {}
         """When each level or a higher one was last assessed."""
 
-    def receive(self, assessment: Assessment, now: float) -> Alarm | None:
+    def receive_assessment(self, assessment: Assessment, now: float) -> Alarm | None:
         """Take an assessment; returns an alarm if the level changes."""
         for level in (Level.CAUTION, Level.WARNING):
             if assessment.level.rank >= level.rank:

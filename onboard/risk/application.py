@@ -35,6 +35,6 @@ class Application(ABC):
 
         Args:
             event: what has arrived.
-            situation: at its arrival; positions of vehicles are those of the last assessment.
+            situation: at its arrival, without positions: `assess` alone is given these.
         """
         raise NotImplementedError(f"{type(self).__name__} takes no {event.kind}")

@@ -11,7 +11,7 @@ class Confirmation:
         self._confirm_s = confirm_s
         self._since_s: dict[Level, float] = {}
 
-    def receive(self, level: Level, stamp_s: float) -> Level:
+    def receive_level(self, level: Level, stamp_s: float) -> Level:
         """Take an assessment; returns the highest confirmed level.
 
         Args:

@@ -51,14 +51,14 @@ class ForwardCollisionWarning(Application):
     @override
     def assess(self, situation: Situation) -> Assessed:
         """Assess each vehicle ahead."""
-        self._objects.receive(situation)
+        self._objects.receive_situation(situation)
         return self._assess_all(situation)
 
     @override
     def receive_event(self, event: Event, situation: Situation) -> Assessed:
         """Take an observation of the lead vehicle, or that there is none."""
         assert isinstance(event, Lead)  # noqa: S101 (it takes no other)
-        self._camera.receive(event, situation.speed)
+        self._camera.receive_lead(event, situation.speed)
         return self._assess_all(situation)
 
     def _assess_all(self, situation: Situation) -> list[Assessment]:
@@ -102,7 +102,7 @@ class ForwardCollisionWarning(Application):
             sigmas=vehicle.place_sigmas,
         )
         host = AlarmReason(speed.kind, speed.source, now - speed.stamp_s)
-        confirmed = self._confirmations[vehicle.key].receive(level, vehicle.stamp_s)
+        confirmed = self._confirmations[vehicle.key].receive_level(level, vehicle.stamp_s)
         return Assessment(
             Level.NONE if vehicle.is_new else confirmed,
             min(needed_m_s2, MAX_REPORTED_DECELERATION_M_S2),

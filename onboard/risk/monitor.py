@@ -4,7 +4,6 @@ It ranks the assessments of each application, leaves out those that rest on what
 and holds the alarms. It knows the applications by their shape alone (`alarm_table.py` lists them).
 """
 
-import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -70,20 +69,7 @@ class RiskMonitor(Core):
         self._bsm_data = BsmDataStore()
         self._path = PathAhead()
         self._motions: dict[str, VehicleMotion] = {}
-        self._situation = Situation(
-            -math.inf,
-            self.host,
-            own=None,
-            own_size_m=(length_m, width_m),
-            others=(),
-            motions=self._motions,
-            bsm_data=self._bsm_data,
-            path=self._path,
-            heading=None,
-            red_light_m=no_red_light,
-            reaction_s=None,
-        )
-        """At the last assessment."""
+        self._own_size_m = length_m, width_m
         self._kinds = [
             _Kind(row.cause, row.application(settings), row.alarms()) for row in alarm_table.ALARMS
         ]
@@ -118,8 +104,7 @@ class RiskMonitor(Core):
             self._path.receive_position(event)
         takers = [each for each in self._kinds if isinstance(event, each.application.takes)]
         for kind in takers:
-            situation = replace(self._situation, now=now, reaction_s=self._reaction_s)
-            self._judge(kind, kind.application.receive_event(event, situation), now)
+            self._judge(kind, kind.application.receive_event(event, self._situation(now)), now)
         return bool(takers)
 
     def assess(
@@ -142,15 +127,8 @@ class RiskMonitor(Core):
         self._bsm_data.drop_old(now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
         self._follow([] if own is None else [*others, own], now)
-        self._situation = situation = replace(
-            self._situation,
-            now=now,
-            own=own,
-            others=others,
-            motions=self._motions,
-            heading=heading,
-            red_light_m=red_light_m,
-            reaction_s=self._reaction_s,
+        situation = replace(
+            self._situation(now), own=own, others=others, heading=heading, red_light_m=red_light_m
         )
         for kind in self._kinds:
             self._judge(kind, kind.application.assess(situation), now)
@@ -160,6 +138,18 @@ class RiskMonitor(Core):
         """Return the oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
+    def _situation(self, now: float) -> Situation:
+        """Return what is known between assessments: no positions."""
+        return Situation(
+            now,
+            self.host,
+            self._own_size_m,
+            self._motions,
+            self._bsm_data,
+            self._path,
+            self._reaction_s,
+        )
+
     def _follow(self, objects: Sequence[PerceivedObject], now: float) -> None:
         """Take the velocities of all objects, the host vehicle included."""
         self._motions = {
@@ -168,7 +158,7 @@ class RiskMonitor(Core):
         }
         for each in objects:
             _, _, east_m_s, north_m_s = each.state
-            self._motions[each.name].receive(now, now - each.age_s, east_m_s, north_m_s)
+            self._motions[each.name].receive_velocity(now, now - each.age_s, east_m_s, north_m_s)
 
     def _judge(self, kind: _Kind, found: Assessed, now: float) -> None:
         """Rank the assessments of one cause, and raise its alarms."""
@@ -182,7 +172,7 @@ class RiskMonitor(Core):
         permitted = (each for each in assessments if self._is_permitted(kind.cause, each, now))
         kept = kind.alarms.kept(permitted)
         self._assessments[kind.cause] = kept
-        self._events.extend(kind.alarms.receive(kept, now))
+        self._events.extend(kind.alarms.receive_assessments(kept, now))
 
     def _is_permitted(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         return assessment.level is Level.NONE or self._permits(cause, assessment, now)

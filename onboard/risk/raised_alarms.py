@@ -22,10 +22,10 @@ class OneAlarm:
         """Return the first of the assessments, `NOTHING` without any; no other is drawn."""
         return [next(iter(permitted), NOTHING)]
 
-    def receive(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
+    def receive_assessments(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
         """Take what `kept` has returned; yields the alarm if its level changes."""
         for assessment in kept:
-            alarm = self._hysteresis.receive(assessment, now)
+            alarm = self._hysteresis.receive_assessment(assessment, now)
             if alarm is not None:
                 yield alarm
 
@@ -43,7 +43,7 @@ class VehicleAlarms:
         """Return all assessments."""
         return list(permitted)
 
-    def receive(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
+    def receive_assessments(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
         """Take the assessments of all vehicles, at most one of each; vehicles without one are safe.
 
         Yields:
@@ -54,7 +54,7 @@ class VehicleAlarms:
         present = {each.vehicle: each for each in worst}
         for vehicle in [*present, *(name for name in self._of if name not in present)]:
             hysteresis = self._of.setdefault(vehicle, Hysteresis(self._cause, RELEASE_S))
-            alarm = hysteresis.receive(present.get(vehicle, NOTHING), now)
+            alarm = hysteresis.receive_assessment(present.get(vehicle, NOTHING), now)
             if alarm is None:
                 continue
             if alarm.level is Level.NONE:

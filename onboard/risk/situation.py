@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from onboard.kinematics.heading import Heading
 from onboard.observations import Speed
 from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.expected_stop import RedLight
+from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.vehicle_motion import VehicleMotion
 from onboard.sensors.host_state import HostState
@@ -20,24 +20,25 @@ class Situation:
     now: float
     host: HostState
     """By the host vehicle's sensors."""
-    own: PerceivedObject | None
-    """The host vehicle among the others, by its fixes; `None` without a position."""
     own_size_m: tuple[float, float]
     """Length and width of the host vehicle."""
-    others: Sequence[PerceivedObject]
-    """The perceived objects, in the same frame, predicted to `now`; none without a position."""
     motions: Mapping[str, VehicleMotion]
     """Accelerations of the others and of the host vehicle, by name."""
     bsm_data: BsmDataStore
     """What the others report beside their motion."""
     path: PathAhead
     """The host vehicle's."""
-    heading: Heading | None
-    """Of the host vehicle, kept at rest."""
-    red_light_m: RedLight
-    """Finds the red signal of a vehicle."""
     reaction_s: float | None
     """Median of the driver's reaction times; `None` while few are known."""
+    own: PerceivedObject | None = None
+    """The host vehicle among the others, by its fixes; `None` without a position, and between
+    assessments."""
+    others: Sequence[PerceivedObject] = ()
+    """The perceived objects, in the same frame, predicted to `now`; none while `own` is `None`."""
+    heading: Heading | None = None
+    """Of the host vehicle, kept at rest."""
+    red_light_m: RedLight = no_red_light
+    """Finds the red signal of a vehicle."""
 
     @property
     def speed(self) -> Speed | None:

@@ -19,7 +19,9 @@ class VehicleMotion:
         self._east, self._north = AccelerationEstimator(window_s), AccelerationEstimator(window_s)
         self._velocity_m_s = 0.0, 0.0
 
-    def receive(self, now: float, measured_s: float, east_m_s: float, north_m_s: float) -> None:
+    def receive_velocity(
+        self, now: float, measured_s: float, east_m_s: float, north_m_s: float
+    ) -> None:
         """Take a velocity.
 
         Args:

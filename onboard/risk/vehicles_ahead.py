@@ -111,8 +111,8 @@ class LeadMotion:
         self._trend = AccelerationEstimator(window_s)
         self._last: tuple[float, float, float] | None = None
 
-    def receive(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
-        """Take an observation; a jump of gap or speed is another vehicle, and starts anew.
+    def receive_speed(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
+        """Take its speed and the gap to it; a jump of either is another vehicle, and starts anew.
 
         Args:
             stamp_s: time of the observation.
@@ -152,14 +152,14 @@ class CameraLead:
         self._lead: Lead | None = None
         self._motion = LeadMotion()
 
-    def receive(self, lead: Lead, speed: Speed | None) -> None:
+    def receive_lead(self, lead: Lead, speed: Speed | None) -> None:
         """Take an observation, or that there is none, at the host vehicle's speed if known."""
         self._lead = lead
         if speed is not None and lead.gap_m is not None and lead.closing_speed_m_s is not None:
             if (lead.closing_speed_sigma_m_s or 0.0) > SETTLED_SIGMA_M_S:
                 self._motion.clear()
             lead_speed_m_s = speed.speed_m_s - lead.closing_speed_m_s
-            self._motion.receive(lead.stamp_s, lead.gap_m, lead_speed_m_s)
+            self._motion.receive_speed(lead.stamp_s, lead.gap_m, lead_speed_m_s)
 
     def vehicle(self, now: float) -> VehicleAhead | None:
         """Return the lead vehicle; `None` if there is none, or its observation is too old."""
@@ -190,7 +190,7 @@ class ObjectsAhead:
         self._motions: dict[str, LeadMotion] = {}
         self._vehicles: list[VehicleAhead] = []
 
-    def receive(self, situation: Situation) -> None:
+    def receive_situation(self, situation: Situation) -> None:
         """Take all perceived objects."""
         own, data = situation.own, situation.bsm_data
         motions = {}
@@ -251,7 +251,7 @@ def _vehicle(
     stamp_s = other.stamp_s - other.age_s
     if speed_sigma_m_s > SETTLED_SIGMA_M_S:
         motion.clear()
-    motion.receive(stamp_s, gap_m, along_m_s)
+    motion.receive_speed(stamp_s, gap_m, along_m_s)
     return VehicleAhead(
         other.name,
         stamp_s,

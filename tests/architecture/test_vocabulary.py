@@ -64,6 +64,11 @@ def test_a_question_changes_nothing() -> None:
     assert changing == []
 
 
+def test_a_function_that_receives_says_what() -> None:
+    silent = [f"{path}" for path, each in _functions("onboard") if each.name == "receive"]
+    assert silent == []
+
+
 def _functions(*trees: str) -> Iterator[tuple[Path, ast.FunctionDef]]:
     for tree in trees:
         for path in sorted((ROOT / tree).rglob("*.py")):

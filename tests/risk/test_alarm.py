@@ -14,7 +14,7 @@ WARNING = Assessment(Level.WARNING, 5.5, REASON)
 
 def levels(seen: list[tuple[float, Assessment]]) -> list[tuple[float, str]]:
     alarm = Hysteresis(FCW, release_s=1.0)
-    raised = [(now, alarm.receive(each, now)) for now, each in seen]
+    raised = [(now, alarm.receive_assessment(each, now)) for now, each in seen]
     return [(now, each.level.value) for now, each in raised if each is not None]
 
 
@@ -59,13 +59,13 @@ def test_a_level_is_confirmed_by_measurements_over_a_while(
 ) -> None:
     vehicle = Confirmation(confirm_s=0.15)
 
-    assert [vehicle.receive(level, stamp_s) for stamp_s, level in seen][-1] is confirmed
+    assert [vehicle.receive_level(level, stamp_s) for stamp_s, level in seen][-1] is confirmed
 
 
 def test_an_alarm_names_what_raised_it_and_its_end_names_nothing() -> None:
     alarm = Hysteresis(IMA, 1.0)
 
-    raised, ended = alarm.receive(WARNING, 0.0), alarm.receive(NOTHING, 1.0)
+    raised, ended = alarm.receive_assessment(WARNING, 0.0), alarm.receive_assessment(NOTHING, 1.0)
 
     assert raised is not None
     assert (raised.cause, raised.value, raised.reasons) == (IMA, 5.5, REASON)

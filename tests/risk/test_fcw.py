@@ -138,10 +138,10 @@ def test_time_to_collision() -> None:
 def test_the_lead_cars_braking_is_the_slope_of_its_speed_and_a_cut_in_starts_anew() -> None:
     motion = LeadMotion()
     for k in range(12):
-        motion.receive(k * 0.05, 30.0 - k * 0.1, 20.0 - 4.0 * k * 0.05)
+        motion.receive_speed(k * 0.05, 30.0 - k * 0.1, 20.0 - 4.0 * k * 0.05)
     assert motion.deceleration_m_s2() == pytest.approx(4.0)
 
-    motion.receive(0.6, 12.0, 17.0)
+    motion.receive_speed(0.6, 12.0, 17.0)
     assert motion.deceleration_m_s2() == 0.0
 
 

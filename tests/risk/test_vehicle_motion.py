@@ -14,7 +14,9 @@ def after(turning_rad_s: float, acceleration_m_s2: float, course_rad: float) -> 
         left_s = 1.0 - k / 10
         speed_m_s = 10.0 - acceleration_m_s2 * left_s
         course = course_rad - turning_rad_s * left_s
-        motion.receive(k / 10, k / 10, speed_m_s * math.cos(course), speed_m_s * math.sin(course))
+        motion.receive_velocity(
+            k / 10, k / 10, speed_m_s * math.cos(course), speed_m_s * math.sin(course)
+        )
     return motion
 
 
@@ -33,9 +35,9 @@ def test_a_turn_and_a_braking_are_distinguished(
 def test_nothing_is_estimated_before_half_the_window_is_covered_or_at_standstill() -> None:
     motion = VehicleMotion(0.8)
     for k in range(4):
-        motion.receive(k / 10, k / 10, 10.0, 0.0)
+        motion.receive_velocity(k / 10, k / 10, 10.0, 0.0)
         assert motion.acceleration_m_s2 is None
         assert motion.lateral_m_s2 is None
     for k in range(4, 20):
-        motion.receive(k / 10, k / 10, 0.0, 0.0)
+        motion.receive_velocity(k / 10, k / 10, 0.0, 0.0)
     assert motion.lateral_m_s2 is None
