@@ -78,10 +78,9 @@ class BrakeAcceleration:
         try:
             request = json.loads(datagram)
             asked_m_s2, valid_s = float(request["deceleration_m_s2"]), float(request["valid_s"])
-            is_request = 0.0 <= asked_m_s2 <= MOST_M_S2 and 0.0 <= valid_s <= LONGEST_VALID_S
         except (KeyError, TypeError, OverflowError, RecursionError):
-            is_request = False
-        if not is_request:
+            asked_m_s2 = valid_s = math.nan
+        if not (0.0 <= asked_m_s2 <= MOST_M_S2 and 0.0 <= valid_s <= LONGEST_VALID_S):
             raise ValueError(f"no request to brake: {datagram[:80]!r}")
         self._acceleration_m_s2, self._valid_until_s = -asked_m_s2, now + valid_s
         return self._acceleration_m_s2
@@ -133,7 +132,7 @@ def _range_m(detection: Any) -> float:
         )
         if abs(part) > 1e-9
     ]
-    return away_m - min(half_m)
+    return float(away_m - min(half_m))
 
 
 def main() -> None:

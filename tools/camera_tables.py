@@ -64,6 +64,9 @@ class _RecordingReader:
         self._reader = PlateReader()
         self.last: PlateText | None = None
 
+    def forget(self) -> None:
+        self.last = None
+
     def read_many(self, image: Image, plates: Plates) -> list[PlateText]:
         texts = self._reader.read_many(image, plates)
         self.last = texts[0] if texts else None
@@ -92,7 +95,8 @@ def approach(
         stamp_s = number / FPS
         car = SceneCar(far_m - closing_m_s * stamp_s, plate=plate, colour_bgr=colour_bgr)
         drawn = renderer.draw(Scene((car,), travelled_m=15.0 * stamp_s), rng)
-        reader.last, is_found, lead = None, False, None
+        reader.forget()
+        is_found, lead = False, None
         perception.receive_frame(decode_image(as_jpeg(drawn)), stamp_s)
         while (event := perception.next_event()) is not None:
             is_found |= isinstance(event, Plate)

@@ -10,19 +10,20 @@ import math
 import sys
 import tempfile
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 from PIL import Image
-from playwright.async_api import Browser, Page, async_playwright, expect
+from playwright.async_api import Browser, Page, ViewportSize, async_playwright, expect
 
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.schema import load_scenario
 from tools import chromium
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
-PHONE = {"width": 390, "height": 800}
-LAPTOP = {"width": 1440, "height": 900}
+PHONE: ViewportSize = {"width": 390, "height": 800}
+LAPTOP: ViewportSize = {"width": 1440, "height": 900}
 MARGIN_PX = 28
 GREY = (150, 150, 150)
 
@@ -51,7 +52,8 @@ async def main() -> None:
 async def drivers(browser: Browser, address: str) -> None:
     """Take the driver's page by day, by night, and by night with an alarm, side by side."""
     day, night = [
-        await open_page(browser, address, PHONE, colours, 2) for colours in ("light", "dark")
+        await open_page(browser, address, PHONE, "light", 2),
+        await open_page(browser, address, PHONE, "dark", 2),
     ]
     for page in (day, night):
         await page.click("#sound")
@@ -60,7 +62,15 @@ async def drivers(browser: Browser, address: str) -> None:
     await expect(night.locator("body")).to_have_attribute("data-alarm", "warning", timeout=30_000)
     shots.append(await night.screenshot())
     framed = [
-        cv2.copyMakeBorder(decode(shot), *[MARGIN_PX] * 4, cv2.BORDER_CONSTANT, value=GREY)
+        cv2.copyMakeBorder(
+            decode(shot),
+            MARGIN_PX,
+            MARGIN_PX,
+            MARGIN_PX,
+            MARGIN_PX,
+            cv2.BORDER_CONSTANT,
+            value=GREY,
+        )
         for shot in shots
     ]
     small = cv2.resize(np.hstack(framed), None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
@@ -81,7 +91,10 @@ async def engineers(browser: Browser, address: str) -> None:
 
 def decode(shot: bytes) -> np.ndarray:
     """Decode a screenshot to BGR."""
-    return cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("the browser's screenshot is no picture")
+    return image
 
 
 def write(image: np.ndarray, name: str) -> None:
@@ -90,7 +103,13 @@ def write(image: np.ndarray, name: str) -> None:
     palette.quantize(256, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
 
 
-async def open_page(browser: Browser, address: str, size: object, colours: str, scale: int) -> Page:
+async def open_page(
+    browser: Browser,
+    address: str,
+    size: ViewportSize,
+    colours: Literal["light", "dark"],
+    scale: int,
+) -> Page:
     """Open a page in its own browser context.
 
     Args:

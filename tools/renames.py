@@ -103,7 +103,7 @@ def _new_path(path: Path) -> Path:
 
 def _topic(topic: str) -> str:
     folder, _, kind = topic.rpartition("/")
-    return TABLE["topics"].get(topic, f"{folder}/{TABLE['kinds'].get(kind, kind)}")
+    return str(TABLE["topics"].get(topic, f"{folder}/{TABLE['kinds'].get(kind, kind)}"))
 
 
 def _lines(path: Path) -> list[Any]:

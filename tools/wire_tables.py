@@ -2,9 +2,11 @@
 
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 from onboard.messages.lcca import MESSAGES
 from onboard.messages.mvs_footer import HEADER, MEASUREMENT, RUN, STATE
+from onboard.messages.record import Record
 
 PAGE = Path(__file__).parents[1] / "docs" / "wire.md"
 END = "<!-- end -->\n"
@@ -24,7 +26,12 @@ def lcca_tables() -> str:
 
 def footer_tables() -> str:
     """Return one table a part of the footer."""
-    parts = {"Header": HEADER, "Measurement": MEASUREMENT, "State": STATE, "Observer run": RUN}
+    parts: dict[str, Record[Any]] = {
+        "Header": HEADER,
+        "Measurement": MEASUREMENT,
+        "State": STATE,
+        "Observer run": RUN,
+    }
     return "\n".join(f"**{name}**\n\n{record.table()}\n" for name, record in parts.items())
 
 

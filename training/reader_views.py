@@ -55,7 +55,7 @@ def render_validation_plates(count: int, rng: np.random.Generator) -> tuple[View
 
 
 def _mean(views: list[View]) -> View:
-    return np.rint(np.mean(views, axis=0)).astype(np.uint8)
+    return np.asarray(np.rint(np.mean(views, axis=0)), np.uint8)
 
 
 def _photographed(
@@ -162,12 +162,8 @@ def _surroundings(rows: int, columns: int, quad: Quad, rng: np.random.Generator)
     if rng.random() < 0.3:  # an edge of a recess or a lamp beside it, as upright as a 1
         for _ in range(rng.integers(1, 3)):
             side, other = quad[[1, 2]], quad[[0, 3]]
-            share = rng.uniform(1.0, 1.12)
-            bar = (
-                other + share * (side - other)
-                if rng.random() < 0.6
-                else side - share * (side - other)
-            )
+            width = rng.uniform(1.0, 1.12) * (side - other)
+            bar = other + width if rng.random() < 0.6 else side - width
             shade = rng.integers(0, 255, 3).tolist()
             line = np.rint(bar).astype(int).tolist()
             thickness = int(rng.integers(1, max(2, rows // 14) + 1))
@@ -219,7 +215,8 @@ def in_the_shade(art: View, rng: np.random.Generator) -> View:
         return art
     light = rng.uniform(0.2, 0.65)
     if rng.random() < 0.4:  # below the edge of a lid: the upper part only
-        light = light + (1 - light) * np.linspace(-1.0, 2.0, len(art)).clip(0, 1)[:, None, None]
+        rows = np.linspace(-1.0, 2.0, len(art)).clip(0, 1)[:, None, None]
+        return np.asarray(art * (light + (1 - light) * rows), np.uint8)
     return np.asarray(art * light, np.uint8)
 
 
