@@ -61,15 +61,10 @@ async def drivers(browser: Browser, address: str) -> None:
     shots = [await day.screenshot(), await night.screenshot()]
     await expect(night.locator("body")).to_have_attribute("data-alarm", "warning", timeout=30_000)
     shots.append(await night.screenshot())
+    edge = cv2.BORDER_CONSTANT
     framed = [
         cv2.copyMakeBorder(
-            decode(shot),
-            MARGIN_PX,
-            MARGIN_PX,
-            MARGIN_PX,
-            MARGIN_PX,
-            cv2.BORDER_CONSTANT,
-            value=GREY,
+            decode(shot), MARGIN_PX, MARGIN_PX, MARGIN_PX, MARGIN_PX, edge, value=GREY
         )
         for shot in shots
     ]
