@@ -143,6 +143,7 @@ def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
         "security:\n"
         f"  keys_folder: {tmp_path / 'car'}\n"
         f"  token: {{module: {MODULE}, label: car, pin_file: {settings.pin_file}}}\n"
+        "  plate_digest: {scrypt_log2_n: 1}\n"  # of all its certificates' epochs
     )
     for command in (
         ["root", tmp_path / "root"],
