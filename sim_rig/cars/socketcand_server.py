@@ -10,14 +10,26 @@ import math
 import re
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from onboard.obd.can_frame import CanFrame
-from sim_rig.cars.ecu import Ecu
-from sim_rig.cars.faulty_ecu import FaultyEcu
 
 _MESSAGE = re.compile(rb"<\s*([^<>]*?)\s*>")
 _LONGEST = 4096
 """A client that sends more bytes than this without a complete message is disconnected."""
+
+
+class BusNode(Protocol):
+    """Whatever is on the bus beside the clients, such as an ECU."""
+
+    def receive_frame(self, frame: CanFrame, now: float) -> None:
+        """Receive a frame of a client."""
+
+    def frames_to_send(self, now: float) -> list[CanFrame]:
+        """Return the frames that are due."""
+
+    def get_timer(self) -> float:
+        """Return when frames are next due; `math.inf` if never."""
 
 
 class SocketcandServer:
@@ -25,7 +37,7 @@ class SocketcandServer:
 
     def __init__(
         self,
-        ecu: Ecu | FaultyEcu,
+        ecu: BusNode,
         bus: str,
         on_answer: Callable[[CanFrame], None],
         on_late: Callable[[float], None] = lambda _late_s: None,
@@ -33,7 +45,7 @@ class SocketcandServer:
         """Serve a bus.
 
         Args:
-            ecu: the control unit on the bus.
+            ecu: the node on the bus.
             bus: name of the bus, which clients open.
             on_answer: called with each frame that the ECU sends.
             on_late: called with the lateness of each turn of the ECU, s.

@@ -53,11 +53,12 @@ def _importing_package(each: Import) -> str:
 
 @pytest.mark.parametrize("program", ["onboard", "sim_rig"])
 def test_the_packages_of_a_program_import_each_other_in_one_direction(program: str) -> None:
-    graph = nx.DiGraph()
+    graph: nx.DiGraph[str] = nx.DiGraph()
     for each in imports_of(program):
         imported = _package(each.module)
         importing = _importing_package(each)
-        if each.module.startswith(f"{program}.") and imported not in (None, importing):
+        is_own = each.module.startswith(f"{program}.")
+        if is_own and imported is not None and imported != importing:
             graph.add_edge(importing, imported)
 
     cycles = [sorted(group) for group in nx.strongly_connected_components(graph) if len(group) > 1]

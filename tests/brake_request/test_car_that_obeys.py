@@ -1,6 +1,7 @@
 """The rig's car that brakes as requested: its motion, and the crash that this avoids."""
 
 import json
+from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
@@ -40,7 +41,8 @@ def test_the_scenario_s_crash_happens_without_the_requested_braking() -> None:
     st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.floats(0.0, 8.0)), max_size=12)
 )
 def test_a_braked_car_never_jumps_nor_gains_speed(pulses: list[tuple[float, float, float]]) -> None:
-    course, begin_s = PLANNED, 0.0
+    course: Sequence[tuple[float, float]] = PLANNED
+    begin_s = 0.0
     for wait_s, length_s, deceleration_m_s2 in pulses:
         before = PiecewiseLinear(course)
         begin_s += wait_s

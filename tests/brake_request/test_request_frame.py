@@ -5,6 +5,7 @@ from typing import Any
 
 import cantools
 import pytest
+from cantools.database import Database
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,6 +15,7 @@ from onboard.brake_request.dbc_frame import RequestFrameLayout, crc8_j1850
 from onboard.brake_request.settings import RequestFrameSettings
 from onboard.errors import DecodeError, UserError
 from onboard.risk.fcw import FCW
+from tests.typed import a
 
 DBC = """VERSION ""
 NS_ :
@@ -63,7 +65,8 @@ def request(
 
 
 def decoded(data: bytes) -> dict[str, float]:
-    found: dict[str, float] = cantools.database.load_string(DBC, "dbc").decode_message(800, data)
+    database = a(Database, cantools.database.load_string(DBC, "dbc"))
+    found: dict[str, float] = a(dict, database.decode_message(800, data))
     del found["SHARE"]
     return found
 

@@ -55,6 +55,12 @@ class Controller:
         return 0.0 if self.to_send else float("inf")
 
 
+def frame_settings(port: int, dbc: Path) -> RequestFrameSettings:
+    return RequestFrameSettings.model_validate(
+        {"channel": "can1", "port": port, "dbc": dbc, **WHOLE}
+    )
+
+
 async def until(condition: Callable[[], bool]) -> None:
     async with asyncio.timeout(10.0):
         while not condition():
@@ -96,7 +102,7 @@ def test_frames_go_to_the_second_bus_until_it_carries_obd(dbc: Path, identifier:
     controller, discarded = Controller(), list[Discarded]()
 
     async def drive(port: int) -> None:
-        can = RequestFrameSettings(channel="can1", port=port, dbc=dbc, **WHOLE)
+        can = frame_settings(port, dbc)
         outputs = RequestOutputs(BrakeRequestSettings(can=can), discarded.append)
         async with contextlib.AsyncExitStack() as wires:
             outputs.open(asyncio.get_running_loop(), wires)
@@ -125,7 +131,7 @@ def test_frames_go_to_the_second_bus_until_it_carries_obd(dbc: Path, identifier:
 
 def test_a_bus_that_cannot_be_opened_is_an_error(dbc: Path) -> None:
     async def run() -> None:
-        can = RequestFrameSettings(channel="can1", port=1, dbc=dbc, **WHOLE)
+        can = frame_settings(1, dbc)
         outputs = RequestOutputs(BrakeRequestSettings(can=can), lambda _each: None)
         async with contextlib.AsyncExitStack() as wires:
             outputs.open(asyncio.get_running_loop(), wires)

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer
@@ -20,7 +20,7 @@ from sim_rig.scenario.schema import Scenario, load_scenario
 
 pytestmark = pytest.mark.browser
 
-LAPTOP = {"width": 1440, "height": 900}
+LAPTOP: ViewportSize = {"width": 1440, "height": 900}
 TABLET = {"width": 820, "height": 1180}
 PLATE = "<b>GN</b>"
 
@@ -125,6 +125,7 @@ def test_the_image_is_that_of_the_shown_time(page: Page) -> None:
 
     for second in (4, 9):
         page.mouse.click(box["x"] + 76 + (second + 0.5) / 12 * (box["width"] - 88), box["y"] + 9)
+        grey = -1
         for _ in range(100):
             grey = page.evaluate(
                 """() => document.querySelector('[data-car="red"] canvas').getContext("2d")

@@ -12,7 +12,7 @@ from statistics import median
 import cv2
 import numpy as np
 import pytest
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Page, ViewportSize, async_playwright
 
 from onboard.observations import Lead
 from onboard.settings import parse_settings
@@ -29,7 +29,10 @@ from tools import chromium
 pytestmark = pytest.mark.browser
 
 SCALE = 2
-MONITOR = {"width": SCALE * LENS.width_px, "height": SCALE * LENS.height_px}
+MONITOR: ViewportSize = {
+    "width": SCALE * LENS.width_px,
+    "height": SCALE * LENS.height_px,
+}
 DISTORTION = (-0.08, 0.02, 0.0, 0.0, 0.0)
 CAMERA = LENS.model_copy(
     update={
@@ -161,7 +164,9 @@ def test_the_lead_on_a_monitor_is_read_and_its_gap_measured(
 
 def test_the_monitor_shows_a_chessboard_to_calibrate_with(chromium_path: str) -> None:
     monitor = asyncio.run(photograph(standing(8.0), chromium_path, "?board"))
-    found = Chessboard(9, 6, 0.03).find(cv2.cvtColor(monitor, cv2.COLOR_BGR2GRAY))
+    found = Chessboard(9, 6, 0.03).find(
+        np.asarray(cv2.cvtColor(monitor, cv2.COLOR_BGR2GRAY), np.uint8)
+    )
 
     assert found is not None
     _, pixels = found

@@ -16,6 +16,7 @@ from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.bsm_safety import PathPrediction
 from onboard.observations import Position
 from onboard.security.pseudonyms import Pseudonym
+from tests.typed import about
 
 
 def fix(stamp_s: float, course_rad: float | None, speed_m_s: float | None = 10.0) -> Position:
@@ -46,14 +47,14 @@ def test_the_prediction_on_a_circle_is_that_circle_with_full_confidence(
     predictor = turning(lambda t: 0.01 + 10.0 * t / radius_m, hz)
 
     assert predictor.yaw_rate_rad_s == pytest.approx(10.0 / radius_m)
-    assert predictor.prediction == PathPrediction(pytest.approx(radius_m), pytest.approx(1.0))
+    assert predictor.prediction == PathPrediction(about(radius_m), about(1.0))
 
 
 @pytest.mark.parametrize("radius_m", [2600.0, -2600.0, math.inf])
 def test_a_circle_of_large_radius_is_predicted_as_straight(radius_m: float) -> None:
     predictor = turning(lambda t: 1.0 + 10.0 * t / radius_m, 10)
 
-    assert predictor.prediction == PathPrediction(None, pytest.approx(1.0))
+    assert predictor.prediction == PathPrediction(None, about(1.0))
 
 
 @pytest.mark.parametrize(
@@ -111,7 +112,7 @@ def test_the_host_vehicles_bsm_has_prediction_and_yaw_rate() -> None:
 
     assert on_the_air.core.acceleration.yaw_rate_rad_s == pytest.approx(0.1, abs=1e-4)
     assert on_the_air.safety is not None
-    assert on_the_air.safety.path_prediction == PathPrediction(pytest.approx(100.0), 1.0)
+    assert on_the_air.safety.path_prediction == PathPrediction(about(100.0), 1.0)
     assert long_after.safety is None
     assert long_after.core.acceleration.yaw_rate_rad_s == 0.0
 

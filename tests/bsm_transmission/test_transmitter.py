@@ -89,7 +89,9 @@ def test_a_new_pseudonym_does_not_say_where_the_old_one_drove(beacon: BsmTransmi
     def history_s() -> float:
         safety = beacon.bsm(None, beacon_now, beacon_now).safety
         history = None if safety is None else safety.path_history
-        return max((each.age_s for each in history.crumb_data), default=0.0) if history else 0.0
+        return (
+            max((each.age_s or 0.0 for each in history.crumb_data), default=0.0) if history else 0.0
+        )
 
     beacon_now = 20.0
     drive(0.0, beacon_now)

@@ -32,7 +32,7 @@ def test_no_installed_package_is_under_the_gpl() -> None:
 
 def licences(name: str) -> str:
     about = metadata(name)
-    return f"{about.get('License-Expression')} {about.get_all('Classifier')}"
+    return f"{about.get_all('License-Expression')} {about.get_all('Classifier')}"
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze")

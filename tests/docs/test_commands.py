@@ -11,10 +11,11 @@ from sim_rig.cli import app as sim_rig
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.studies.campaigns.catalogue import study_names
 from tests.docs.test_pages import PAGES, ROOT, name_of
+from tests.typed import a
 
 COMMANDS = {
-    "onboard": set(typer.main.get_command(onboard).commands),
-    "sim-rig": set(typer.main.get_command(sim_rig).commands),
+    "onboard": set(a(typer.core.TyperGroup, typer.main.get_command(onboard)).commands),
+    "sim-rig": set(a(typer.core.TyperGroup, typer.main.get_command(sim_rig)).commands),
 }
 TARGETS = set(re.findall(r"(?m)^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8")))
 BENCHES = {path.stem for path in (ROOT / "bench").glob("*.py")}

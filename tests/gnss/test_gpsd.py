@@ -13,8 +13,9 @@ import pytest
 from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import WATCH, GpsdReader
 from onboard.gnss.settings import GnssSettings
-from onboard.observations import Position
+from onboard.observations import Discarded, Position
 from tests.gnss.test_nmea import GGA, RMC, at, sentence
+from tests.typed import a
 
 
 class Callbacks:
@@ -22,10 +23,12 @@ class Callbacks:
 
     def __init__(self, port: int) -> None:
         self.reader = GpsdReader(GnssSettings())
-        self.states = asyncio.Queue()
-        self.positions = asyncio.Queue()
+        self.states = asyncio.Queue[tuple[bool, str]]()
+        self.positions = asyncio.Queue[Position | Discarded]()
         self.gpsd = Gpsd(
-            GnssSettings(port=port), self.hear, lambda *state: self.states.put_nowait(state)
+            GnssSettings(port=port),
+            self.hear,
+            lambda there, why: self.states.put_nowait((there, why)),
         )
         self.gpsd.start(asyncio.get_running_loop())
 
@@ -42,14 +45,14 @@ def soon(awaitable: Awaitable[T]) -> Coroutine[Any, Any, T]:
     return asyncio.wait_for(awaitable, timeout=10)
 
 
-def on_a_loop(scenario: Callable[..., None]) -> None:
+def on_a_loop(scenario: Callable[[], Coroutine[Any, Any, None]]) -> None:
     asyncio.run(asyncio.wait_for(scenario(), timeout=30))
 
 
 def free_port(kind: SocketKind = socket.SOCK_STREAM) -> int:
     with socket.socket(socket.AF_INET, kind) as unused:
         unused.bind(("127.0.0.1", 0))
-        return unused.getsockname()[1]
+        return int(unused.getsockname()[1])
 
 
 REPORT = (
@@ -60,7 +63,7 @@ REPORT = (
 
 def test_gpsd_is_subscribed_lost_and_reconnected() -> None:
     async def scenario() -> None:
-        asked, clients = asyncio.Queue(), asyncio.Queue()
+        asked, clients = asyncio.Queue[bytes](), asyncio.Queue[asyncio.StreamWriter]()
 
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             asked.put_nowait(await reader.readline())
@@ -74,7 +77,7 @@ def test_gpsd_is_subscribed_lost_and_reconnected() -> None:
         client.write(REPORT[:20])
         await client.drain()
         client.write(REPORT[20:])
-        assert (await soon(callbacks.positions.get())).latitude_deg == 56.1
+        assert a(Position, await soon(callbacks.positions.get())).latitude_deg == 56.1
         client.close()
         assert await soon(callbacks.states.get()) == (False, "gpsd closed the connection")
         assert await soon(callbacks.states.get()) == (True, "")

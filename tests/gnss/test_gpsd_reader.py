@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
+from tests.typed import a, about, every
 
-TPV = {
+TPV: dict[str, Any] = {
     "class": "TPV",
     "device": "udp://127.0.0.1:5000",
     "mode": 3,
@@ -28,33 +29,34 @@ TPV = {
 }
 
 
-def read(*reports: Any, settings: None = None, start: float = 100.1) -> list[Discarded | Position]:
+def read(
+    *reports: Any, settings: GnssSettings | None = None, start: float = 100.1
+) -> list[Discarded | Position]:
     reader = GpsdReader(settings)
     for n, report in enumerate(reports):
         line = report if isinstance(report, bytes) else json.dumps(report).encode() + b"\r\n"
         reader.receive_bytes(line, start + n)
-    events = []
-    while (event := reader.next_event()) is not None:
-        events.append(event)
-    return events
+    return list(iter(reader.next_event, None))
 
 
-def without(
-    *names: str, **more: int | list[int]
-) -> dict[str, float | list[int] | str] | dict[str, float | str]:
+def positions_in(*reports: Any) -> list[Position]:
+    return every(Position, read(*reports))
+
+
+def without(*names: str, **more: int | list[int]) -> dict[str, Any]:
     return {name: value for name, value in TPV.items() if name not in names} | more
 
 
 def test_a_report_is_a_position() -> None:
     assert read(TPV) == [
         Position(
-            stamp_s=pytest.approx(100.0),
+            stamp_s=about(100.0),
             latitude_deg=56.104286,
             longitude_deg=10.145251,
             altitude_m=63.5,
-            sigma_m=pytest.approx(2.0),
+            sigma_m=about(2.0),
             speed_m_s=15.725,
-            course_rad=pytest.approx(math.pi / 2),
+            course_rad=about(math.pi / 2),
         )
     ]
 
@@ -63,7 +65,7 @@ GST = {"class": "GST", "time": TPV["time"], "rms": 1.0, "lat": 0.9, "lon": 0.7, 
 
 
 def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate() -> None:
-    (position,) = read(GST, TPV)
+    (position,) = positions_in(GST, TPV)
 
     assert position.sigma_m == pytest.approx(math.sqrt((0.9**2 + 0.7**2) / 2))
 
@@ -78,7 +80,7 @@ def test_the_receivers_accuracy_takes_precedence_over_gpsds_estimate() -> None:
     ids=["old", "no axis", "no time"],
 )
 def test_an_old_or_incomplete_accuracy_is_ignored(gst: dict[str, float | str]) -> None:
-    (position,) = read(gst, TPV)
+    (position,) = positions_in(gst, TPV)
 
     assert position.sigma_m == pytest.approx(2.0)
 
@@ -86,12 +88,12 @@ def test_an_old_or_incomplete_accuracy_is_ignored(gst: dict[str, float | str]) -
 def test_an_invalid_accuracy_is_discarded() -> None:
     discarded, position = read(GST | {"lat": -1.0}, TPV)
 
-    assert discarded.reason == "gpsd_report"
-    assert position.sigma_m == pytest.approx(2.0)
+    assert a(Discarded, discarded).reason == "gpsd_report"
+    assert a(Position, position).sigma_m == pytest.approx(2.0)
 
 
 def test_unreported_values_are_none() -> None:
-    (position,) = read(without("altHAE", "track", "speed"))
+    (position,) = positions_in(without("altHAE", "track", "speed"))
     assert (position.altitude_m, position.course_rad, position.speed_m_s) == (None, None, None)
 
 
@@ -127,7 +129,7 @@ def test_a_fix_without_time_is_stamped_by_arrival() -> None:
 def test_the_sigma_is_from_the_best_reported_value(
     reports: list[dict[str, float | str]], sigma_m: float
 ) -> None:
-    assert read(*reports)[0].sigma_m == pytest.approx(sigma_m)
+    assert positions_in(*reports)[0].sigma_m == pytest.approx(sigma_m)
 
 
 def test_other_reports_are_ignored() -> None:
@@ -136,7 +138,7 @@ def test_other_reports_are_ignored() -> None:
 
 
 def test_an_error_report_of_gpsd_is_counted() -> None:
-    (discarded,) = read({"class": "ERROR", "message": "Can't open device"})
+    (discarded,) = every(Discarded, read({"class": "ERROR", "message": "Can't open device"}))
     assert (discarded.reason, discarded.detail) == ("gpsd_error", "Can't open device")
 
 
@@ -163,7 +165,7 @@ def test_an_error_report_of_gpsd_is_counted() -> None:
     ],
 )
 def test_invalid_reports_are_discarded(report: Any) -> None:
-    (discarded,) = read(report)
+    (discarded,) = every(Discarded, read(report))
     assert (discarded.component, discarded.reason) == ("gnss", "gpsd_report")
 
 

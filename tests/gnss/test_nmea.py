@@ -13,6 +13,7 @@ from onboard.gnss.nmea_sentence import SentenceError, parse
 from onboard.gnss.settings import GnssSettings
 from onboard.kinematics.units import KNOT
 from onboard.observations import Discarded, Position
+from tests.typed import a, about, every
 
 RMC = "GNRMC,045000.34,A,5606.25716,N,01008.71506,E,30.567,45.00,260721,,,A"
 GGA = "GNGGA,045000.34,5606.25716,N,01008.71506,E,1,10,1.0,20.0,M,43.5,M,,"
@@ -31,7 +32,7 @@ def sentence(text: str) -> bytes:
 
 
 def read(
-    *texts: bytes | str, now: None = None, settings: GnssSettings | None = None
+    *texts: bytes | str, now: float | None = None, settings: GnssSettings | None = None
 ) -> list[Discarded | Position]:
     reader = NmeaReader(settings)
     for text in texts:
@@ -42,14 +43,17 @@ def read(
 
 
 def events_of(reader: NmeaReader) -> list[Discarded | Position]:
-    events = []
-    while (event := reader.next_event()) is not None:
-        events.append(event)
-    return events
+    return list(iter(reader.next_event, None))
+
+
+def positions_in(*texts: bytes | str, settings: GnssSettings | None = None) -> list[Position]:
+    return every(Position, read(*texts, settings=settings))
 
 
 def utc(*when: int) -> float:
-    return dt.datetime(*when, tzinfo=dt.UTC).timestamp()
+    year, month, day, hour, minute, second, microsecond = (*when, 0, 0, 0, 0)[:7]
+    there = dt.datetime(year, month, day, hour, minute, second, microsecond, dt.UTC)
+    return there.timestamp()
 
 
 def at(text: str, time: str, date: str | None = None) -> str:
@@ -58,15 +62,15 @@ def at(text: str, time: str, date: str | None = None) -> str:
 
 
 def test_one_position_from_the_sentences_of_one_instant() -> None:
-    (position,) = read(RMC, GGA, NO_FIX)
+    (position,) = positions_in(RMC, GGA, NO_FIX)
     assert position == Position(
-        stamp_s=pytest.approx(utc(2021, 7, 26, 4, 50, 0, 340_000)),
-        latitude_deg=pytest.approx(56 + 6.25716 / 60),
-        longitude_deg=pytest.approx(10 + 8.71506 / 60),
-        altitude_m=pytest.approx(63.5),
-        sigma_m=pytest.approx(4.0 / math.sqrt(2)),
-        speed_m_s=pytest.approx(30.567 * KNOT),
-        course_rad=pytest.approx(math.pi / 4),
+        stamp_s=about(utc(2021, 7, 26, 4, 50, 0, 340_000)),
+        latitude_deg=about(56 + 6.25716 / 60),
+        longitude_deg=about(10 + 8.71506 / 60),
+        altitude_m=about(63.5),
+        sigma_m=about(4.0 / math.sqrt(2)),
+        speed_m_s=about(30.567 * KNOT),
+        course_rad=about(math.pi / 4),
     )
 
 
@@ -81,7 +85,7 @@ def test_one_position_from_the_sentences_of_one_instant() -> None:
 )
 def test_hemispheres(latitude: str, longitude: str, expected: tuple[float, float]) -> None:
     text = f"GPRMC,045000,A,{latitude},{longitude},0.0,,260721,,,A"
-    (position,) = read(text, NO_FIX)
+    (position,) = positions_in(text, NO_FIX)
     assert (position.latitude_deg, position.longitude_deg) == pytest.approx(expected)
 
 
@@ -100,7 +104,7 @@ GLL = "GNGLL,5606.25716,N,01008.71506,E,045000.34,A,A"
 
 @pytest.mark.parametrize("texts", [(GGA, VTG), (VTG, GGA, GLL, VTG), (GGA, VTG, GST)])
 def test_velocity_from_vtg(texts: tuple[str, ...]) -> None:
-    (position,) = read("GNZDA,045000.34,26,07,2021,00,00", *texts, NO_FIX)
+    (position,) = positions_in("GNZDA,045000.34,26,07,2021,00,00", *texts, NO_FIX)
     assert position.speed_m_s == pytest.approx(30.567 * KNOT)
     assert position.course_rad == pytest.approx(math.pi / 4)
 
@@ -109,7 +113,7 @@ def test_velocity_from_vtg(texts: tuple[str, ...]) -> None:
     "vtg", ["GNVTG,,T,,M,,N,,K,N", "GNVTG,45,T,,M,9,N,17,K,N", "GNVTG,45,9,9,9"]
 )
 def test_vtg_without_velocity_states_none(vtg: str) -> None:
-    (position,) = read(RMC.replace("30.567,45.00", ","), GGA, vtg, NO_FIX)
+    (position,) = positions_in(RMC.replace("30.567,45.00", ","), GGA, vtg, NO_FIX)
     assert (position.speed_m_s, position.course_rad) == (None, None)
 
 
@@ -121,14 +125,14 @@ def test_a_rmc_after_one_of_several_gga_has_its_speed() -> None:
         reader.receive_bytes(sentence(at(GGA, time)), now=tenth / 10)
         if tenth % 10 == 5:
             reader.receive_bytes(sentence(at(RMC, time)), now=tenth / 10 + 0.03)
-    positions = events_of(reader)
+    positions = every(Position, events_of(reader))
     assert len(positions) == 99
     assert [position.speed_m_s is not None for position in positions].count(True) == 9
 
 
 def test_a_recorded_rmc_that_comes_late_has_its_speed() -> None:
     later = [at(text, "045001.34") for text in (GGA, RMC)]
-    positions = read(RMC, GGA, *later, NO_FIX)
+    positions = positions_in(RMC, GGA, *later, NO_FIX)
     assert [position.speed_m_s for position in positions] == [pytest.approx(30.567 * KNOT)] * 2
 
 
@@ -139,7 +143,7 @@ def test_the_last_fix_of_a_recording_is_reported_at_its_end(cut: int) -> None:
     reader.receive_bytes(data[: len(data) - cut])
     assert events_of(reader) == []
     reader.receive_end()
-    (position,) = events_of(reader)
+    (position,) = every(Position, events_of(reader))
     assert position.speed_m_s is not None
     reader.receive_end()
     assert events_of(reader) == []
@@ -153,7 +157,7 @@ def test_a_receiver_that_changes_its_order_loses_no_position() -> None:
 
 
 def test_the_receivers_own_accuracy_takes_precedence() -> None:
-    (position,) = read(RMC, GGA, GST, NO_FIX)
+    (position,) = positions_in(RMC, GGA, GST, NO_FIX)
     assert position.sigma_m == pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2))
 
 
@@ -173,25 +177,25 @@ def test_accuracy_from_dilution_and_quality_but_never_below_the_least(
     quality: int, hdop: str, sigma_m: float
 ) -> None:
     gga = GGA.replace(",E,1,10,1.0,", f",E,{quality},10,{hdop},")
-    (position,) = read(RMC, gga, NO_FIX)
+    (position,) = positions_in(RMC, gga, NO_FIX)
     assert position.sigma_m == pytest.approx(sigma_m)
 
 
 def test_the_settings_allow_the_accuracy_of_rtk() -> None:
     gga = GGA.replace(",E,1,10,1.0,", ",E,4,10,1.0,")
     settings = GnssSettings(least_sigma_m=0.01)
-    (position,) = read(RMC, gga, NO_FIX, settings=settings)
+    (position,) = positions_in(RMC, gga, NO_FIX, settings=settings)
     assert position.sigma_m == pytest.approx(0.04 / math.sqrt(2))
 
 
 def test_unstated_values_are_none() -> None:
-    (position,) = read("GPRMC,045000.34,A,5606.25716,N,01008.71506,E,,,260721,,", NO_FIX)
+    (position,) = positions_in("GPRMC,045000.34,A,5606.25716,N,01008.71506,E,,,260721,,", NO_FIX)
     assert (position.speed_m_s, position.course_rad, position.altitude_m) == (None, None, None)
 
 
 def test_several_systems_in_one_gns() -> None:
     gns = "GNGNS,045000.34,5606.25716,N,01008.71506,E,AAN,12,0.8,20.0,43.5,,"
-    (position,) = read(RMC, gns, NO_FIX)
+    (position,) = positions_in(RMC, gns, NO_FIX)
     assert position.altitude_m == pytest.approx(63.5)
     assert position.sigma_m == pytest.approx(0.8 * 4.0 / math.sqrt(2))
 
@@ -236,7 +240,7 @@ def test_midnight_of_a_receiver_that_sends_its_date_once() -> None:
 
 def test_a_recording_without_a_date_has_no_stamps_and_is_discarded() -> None:
     discarded, *_ = read(GGA, at(GGA, "045001.34"), at(GGA, "045002.34"))
-    assert discarded.reason == "nmea_no_date"
+    assert a(Discarded, discarded).reason == "nmea_no_date"
 
 
 def test_live_positions_are_stamped_by_the_daemons_clock() -> None:
@@ -276,6 +280,7 @@ def test_bytes_may_be_split_anywhere(cuts: list[int]) -> None:
 )
 def test_a_damaged_sentence_is_discarded_and_the_next_one_is_read(damaged: bytes) -> None:
     discarded, position = read(damaged, at(RMC, "045001.34"), NO_FIX)
+    assert isinstance(discarded, Discarded)
     assert (discarded.component, discarded.reason) == ("gnss", "nmea_checksum")
     assert position.stamp_s == pytest.approx(utc(2021, 7, 26, 4, 50, 1, 340_000))
 

@@ -5,11 +5,13 @@ import datetime as dt
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from onboard.gnss.nmea import NmeaReader
 from onboard.observations import Discarded, Position
+from tests.typed import every
 
 pytestmark = pytest.mark.realdata
 
@@ -21,10 +23,7 @@ def read(path: Path) -> list[Discarded | Position]:
     reader = NmeaReader()
     reader.receive_bytes(path.read_bytes())
     reader.receive_end()
-    events = []
-    while (event := reader.next_event()) is not None:
-        events.append(event)
-    return events
+    return list(iter(reader.next_event, None))
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -33,7 +32,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_drive_a_agrees_with_its_ground_truth(rig_data: Path) -> None:
-    positions = read(rig_data / "gnss" / "drive-a.nmea")
+    positions = every(Position, read(rig_data / "gnss" / "drive-a.nmea"))
     places = rows(rig_data / "can" / "drive-a-gnss-position.csv")
     speeds = rows(rig_data / "can" / "drive-a-gnss-speed-mps.csv")
     assert len(positions) == len(places) == len(speeds) == 571
@@ -54,7 +53,7 @@ def test_drive_c_has_a_position_wherever_it_has_a_fix(rig_data: Path) -> None:
     assert 0 < len(valid) < len(fixes)
 
 
-def gpsd_fixes(path: Path) -> dict[float, dict[str, float | str]]:
+def gpsd_fixes(path: Path) -> dict[float, dict[str, Any]]:
     """gpsd's positions for a log: (position, height) by time within the era."""
     fixes = {}
     for line in path.read_text(encoding="latin-1").splitlines():
@@ -68,7 +67,7 @@ def gpsd_fixes(path: Path) -> dict[float, dict[str, float | str]]:
 
 def test_receivers_of_many_makes_agree_with_gpsd(rig_data: Path) -> None:
     """All logs with NMEA; the others are binary."""
-    counts = Counter()
+    counts = Counter[str]()
     makes = 0
     for log in sorted((rig_data / "gnss" / "receivers").glob("*.log")):
         gpsd = gpsd_fixes(log.with_suffix(".log.chk"))

@@ -3,6 +3,7 @@
 import asyncio
 
 import pytest
+from typing_extensions import override
 
 from onboard.hmi import connection_limiter
 from onboard.hmi.connection_limiter import ConnectionLimiter
@@ -13,13 +14,16 @@ class Echo(asyncio.Protocol):
 
     lost = 0
 
+    @override
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
 
+    @override
     def data_received(self, data: bytes) -> None:
         self.transport.write(data)
 
+    @override
     def connection_lost(self, exc: Exception | None) -> None:
         Echo.lost += 1
 

@@ -33,7 +33,7 @@ def received(
 
 
 def warning(sender: bytes, origin: bytes, now: float, number: int = 2, **more: Any) -> Any:
-    content = {"event_origin_id": origin.hex(), "event_sequence": 7, "reach": 0} | {
+    content: dict[str, Any] = {"event_origin_id": origin.hex(), "event_sequence": 7, "reach": 0} | {
         "origin_number": 1, "deceleration_m_s2": 6.5, "age_s": 0.02, "hops": 2
     }  # fmt: skip
     return received("warn", sender, now, number, **(content | more))

@@ -53,7 +53,7 @@ class Served:
 
     async def page(self, **more: Any) -> aiohttp.ClientWebSocketResponse:
         before = await self.open_pages()
-        page = await self._pages.enter_async_context(
+        page: aiohttp.ClientWebSocketResponse = await self._pages.enter_async_context(
             self.session.ws_connect(self.address + "views", **more)
         )
         while await self.open_pages() == before:

@@ -41,7 +41,7 @@ def test_ahead_and_right_are_relative_to_the_heading_of_the_host_vehicle(
         20.0 * cos,
     )
 
-    (placed,) = map_with(host).vehicles([other], ())[:1] or [None]
+    placed = next(iter(map_with(host).vehicles([other], ())), None)
 
     if math.hypot(ahead_m, right_m) > RANGE_M:
         assert placed is None

@@ -10,11 +10,11 @@ from onboard.messages import map_data
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
 from onboard.messages.lanes import UNKNOWN_SIGNAL_GROUP, GenericLane, OtherLane
-from tests.messages.crossing_messages import crossing_map, lane
+from tests.messages.crossing_messages import crossing_map, intersections_of, lane, ways_of
 
 FRAME = LocalFrame(42.0, -83.0)
 EAST, NORTH = (1.0, 0.0), (0.0, 1.0)
-(GEOMETRY,) = map_data.decode(map_data.encode(crossing_map())).intersections
+(GEOMETRY,) = intersections_of(map_data.decode(map_data.encode(crossing_map())))
 EASTWARDS, NORTHWARDS, AWAY = GEOMETRY.lanes
 
 
@@ -24,9 +24,9 @@ def lanes_of(*lanes: GenericLane) -> tuple[ApproachLane, ...]:
 
 def test_lanes_that_lead_to_a_signal_are_found_with_their_course() -> None:
     first, second = lanes_of(*GEOMETRY.lanes)
-    assert (first.lane_id, first.signal_groups, first.width_m) == (1, {2}, 3.5)
+    assert (first.lane_id, first.signal_groups, first.width_m) == (1, frozenset({2}), 3.5)
     assert first.points_m == ((-8.0, 0.0), (-60.0, 0.0), (-200.0, 0.0))
-    assert (second.lane_id, second.signal_groups) == (2, {4})
+    assert (second.lane_id, second.signal_groups) == (2, frozenset({4}))
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_computed_lane_has_the_course_of_another_one_moved_beside_it() -> None
 
 @pytest.mark.parametrize("group", [None, 0])
 def test_a_way_without_a_signal_or_with_an_unknown_one_counts_as_unknown(group: int | None) -> None:
-    (straight,) = EASTWARDS.connects_to
+    (straight,) = ways_of(EASTWARDS)
     ways = (straight, replace(straight, signal_group=group))
     (found,) = lanes_of(replace(EASTWARDS, connects_to=ways))
     assert found.signal_groups == {2, UNKNOWN_SIGNAL_GROUP}

@@ -1,5 +1,6 @@
 """Phases of a SPAT message and the time that is left of them."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -17,7 +18,7 @@ SENT_UTC_S = datetime(2026, 1, 1, tzinfo=UTC).timestamp() + MOY_S + 12.3
 
 def phases_of(
     *movements: MovementState, sent_utc_s: float = SENT_UTC_S, **parts: Any
-) -> dict[int, SignalPhase] | None:
+) -> Mapping[int, SignalPhase]:
     (state,) = crossing_spat(*movements, **parts).intersections
     return signal_phases(state, sent_utc_s)
 

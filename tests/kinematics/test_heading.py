@@ -55,7 +55,9 @@ def drive(
         yield fix(at, math.hypot(east_m_s, north_m_s), math.atan2(east_m_s, north_m_s))
 
 
-def stop(from_m_s: float, braking_m_s2: float, heading_rad: float) -> list[tuple[float, ...]]:
+def stop(
+    from_m_s: float, braking_m_s2: float, heading_rad: float
+) -> list[tuple[float, float, float]]:
     """Two seconds of driving, a stop and five seconds at a stand, ten fixes a second."""
     speeds = [from_m_s - braking_m_s2 * max(k / 10 - 2.0, 0.0) for k in range(70)]
     speeds = [max(speed, 0.0) for speed in speeds]
@@ -225,9 +227,9 @@ def test_on_a_real_drive_the_next_course_is_where_it_is_said_to_be(
     heading, inside = HeadingFilter(SIGMA_M_S, MOUNTING_RAD), []
     while (event := reader.next_event()) is not None:
         if isinstance(event, Position):
-            said = heading.at(event.stamp_s)
-            if said is not None and event.speed_m_s >= MIN_COURSE_SPEED_M_S:
-                inside.append(abs(off_rad(said, event.course_rad)) < 2.0 * said.sigma_rad)
+            said, course_rad = heading.at(event.stamp_s), event.course_rad
+            if said and course_rad is not None and (event.speed_m_s or 0.0) >= MIN_COURSE_SPEED_M_S:
+                inside.append(abs(off_rad(said, course_rad)) < 2.0 * said.sigma_rad)
             heading.receive_position(event)
 
     assert len(inside) > 300

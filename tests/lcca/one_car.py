@@ -7,7 +7,7 @@ import numpy as np
 from onboard.lcca.events import MeasuredLead, Transition
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import NO_ID, CarId, Join, LccaMessage, Reply
+from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Join, Reply
 from onboard.observations import Discarded
 from tests.lcca.road import car_id
 
@@ -28,7 +28,7 @@ class OneCar:
         self.group.receive_speed(20.0, now)
         self.group.receive_lead(MeasuredLead(ahead, gap_m, closing), now)
 
-    def says(self, now: float) -> list[LccaMessage]:
+    def says(self, now: float) -> list[GroupMessage]:
         self.group.handle_timer(now)
         return self.group.messages_to_send(now)
 
@@ -37,7 +37,7 @@ class OneCar:
         assert len(joins) == 1
         return joins[0]
 
-    def hears(self, message: LccaMessage, now: float) -> list[str]:
+    def hears(self, message: GroupMessage, now: float) -> list[str]:
         """What the core made of it: events and refusals as words."""
         self.group.receive_message(message, now)
         words = []
@@ -49,7 +49,7 @@ class OneCar:
 
 def answer(
     join: Join, leader: CarId = A, number: int = 1, leader_sequence: int = 10, speed: float = 20.0
-):
+) -> Reply:
     return Reply(
         join.to_id, leader, number, join.sender_id, join.sequence, leader_sequence, speed, NO_ID
     )

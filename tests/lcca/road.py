@@ -8,6 +8,7 @@ import heapq
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
 
 import networkx as nx
@@ -17,8 +18,9 @@ from onboard.lcca.events import MeasuredLead, Transition, WarningRaised
 from onboard.lcca.group import GroupEvents, WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent
-from onboard.messages.lcca import CarId, LccaMessage, Warn, decode, encode
+from onboard.messages.lcca import CarId, GroupMessage, Warn, decode, encode
 from onboard.observations import BrakeCause, Discarded, HardBrake
+from tests.typed import a
 
 FRAME_S = 0.1
 CAMERA_RANGE_M = 120.0
@@ -77,7 +79,11 @@ class Car:
 class Transmission:
     at: float
     sender: str
-    message: LccaMessage
+    message: GroupMessage
+
+    @property
+    def warn(self) -> Warn:
+        return a(Warn, self.message)
 
 
 class Road:
@@ -124,9 +130,9 @@ class Road:
         ]
         return min(ahead, key=lambda other: other.position_m, default=None)
 
-    def air_graph(self) -> nx.Graph:
+    def air_graph(self) -> "nx.Graph[str]":
         """Who hears whom."""
-        graph = nx.Graph()
+        graph: nx.Graph[str] = nx.Graph()
         graph.add_nodes_from(self.cars)
         graph.add_edges_from(
             (a.name, b.name)
@@ -173,7 +179,7 @@ class Road:
         self.epoch += 1
         for car in self.cars.values():
             at = self.now + float(self._rng.uniform(0.0, spread_s))
-            self._at(at, lambda car=car, epoch=self.epoch: self._change_id(car, epoch))
+            self._at(at, partial(self._change_id, car, self.epoch))
 
     def _change_id(self, car: Car, epoch: int) -> None:
         if self._is_here(car) and car.epoch < epoch:
@@ -236,7 +242,7 @@ class Road:
         car.group.handle_timer(self.now)
         self._serve(car)
 
-    def _send(self, car: Car, message: LccaMessage) -> None:
+    def _send(self, car: Car, message: GroupMessage) -> None:
         if not car.has_radio:
             return
         transmission = Transmission(self.now, car.name, message)
@@ -248,11 +254,13 @@ class Road:
             lost = self._rng.uniform() < self.air.loss or self.drops(transmission, other.name)
             delay_s = self.air.delay_s + float(self._rng.uniform(0.0, self.air.jitter_s))
             if not lost:
-                self._at(self.now + delay_s, lambda other=other: self._deliver(other, data))
+                self._at(self.now + delay_s, partial(self._deliver, other, data))
 
     def _deliver(self, car: Car, data: bytes) -> None:
         if self._is_here(car) and car.has_radio:
-            car.group.receive_message(decode(data), self.now)
+            message = decode(data)
+            assert isinstance(message, GroupMessage)
+            car.group.receive_message(message, self.now)
             self._serve(car)
 
 
@@ -271,7 +279,7 @@ def true_places(road: Road) -> dict[str, tuple[str, int]]:
     A car follows its lead if the gap is below the safety distance of 0.55 m for each
     km/h of its own speed. (Tests keep gaps out of the hysteresis.)
     """
-    graph = nx.DiGraph()
+    graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_nodes_from(road.cars)
     for car in road.cars.values():
         ahead = road.ahead_of(car)
@@ -279,7 +287,7 @@ def true_places(road: Road) -> dict[str, tuple[str, int]]:
             continue
         if ahead.position_m - car.position_m < car.speed_m_s * 3.6 * 0.55:
             graph.add_edge(ahead.name, car.name)
-    out = {}
+    out: dict[str, tuple[str, int]] = {}
     for component in nx.weakly_connected_components(graph):
         row = list(nx.topological_sort(graph.subgraph(component)))
         out |= {name: (row[0], number) for number, name in enumerate(row, start=1)}

@@ -23,4 +23,4 @@ def fewest_transmissions(road: Road, origin: str, last: str) -> int:
     behind = [
         car.name for car in road.cars.values() if car.position_m <= road.cars[origin].position_m
     ]
-    return nx.shortest_path_length(road.air_graph().subgraph(behind), origin, last)
+    return int(nx.shortest_path_length(road.air_graph().subgraph(behind), origin, last))

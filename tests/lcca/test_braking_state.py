@@ -1,6 +1,7 @@
 """A braking is told while it lasts, and its end too."""
 
 from dataclasses import replace
+from functools import partial
 
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.lcca.transitions import GroupState
@@ -8,6 +9,7 @@ from onboard.messages.lcca import Warn, WarnCause
 from onboard.observations import BrakeCause
 from tests.lcca.road import Air, Car, Road, Transmission
 from tests.lcca.rows import row
+from tests.typed import a
 
 
 def braking_ahead(car: Car) -> list[str]:
@@ -69,8 +71,9 @@ def test_a_harder_braking_is_a_level_of_the_same_one() -> None:
     road.brake("A", 60.0, BrakeCause.COLLISION)
     road.run(0.3)
     assert braking_ahead(road.cars["C"]) == ["warning", "warning_level", "warning_level"]
-    assert road.cars["C"].said[-1].deceleration_m_s2 == 25.5
-    assert road.cars["C"].said[-1].cause is BrakeCause.COLLISION
+    level = a(WarningLevel, road.cars["C"].said[-1])
+    assert level.deceleration_m_s2 == 25.5
+    assert level.cause is BrakeCause.COLLISION
 
 
 def test_a_braking_lasts_for_those_behind_as_long_as_it_lasts() -> None:
@@ -91,7 +94,7 @@ def test_a_braking_vehicle_that_falls_silent_is_warned_of_for_the_event_lifetime
     assert braking_ahead(road.cars["C"]) == ["warning"]
     road.run(0.3)
     assert braking_ahead(road.cars["C"]) == ["warning", "warning_over"]
-    assert road.cars["C"].said[-1].reason == "expired"
+    assert a(WarningOver, road.cars["C"].said[-1]).reason == "expired"
 
 
 def test_a_warning_that_arrives_after_the_end_is_outdated() -> None:
@@ -119,10 +122,10 @@ def test_a_forged_sequence_number_far_ahead_does_not_suppress_a_braking() -> Non
     road = row("ABC")
     road.brake("A")
     road.run(0.1)
-    forged = replace(road.warns()[0].message, event_sequence=40_000, cause=WarnCause.OVER)
+    forged = replace(road.warns()[0].warn, event_sequence=40_000, cause=WarnCause.OVER)
     for name in "BC":
         car = road.cars[name]
-        road.do(car, lambda now, car=car: car.group.receive_message(forged, now))
+        road.do(car, partial(car.group.receive_message, forged))
     assert braking_ahead(road.cars["C"]) == ["warning"]  # An end comes from B only.
     road.run(1.1)
     assert braking_ahead(road.cars["C"]) == ["warning", "warning_over", "warning"]
@@ -146,4 +149,4 @@ def test_a_real_braking_takes_the_place_of_a_test_and_not_the_other_way_round() 
     road.run(2.0)
     c = road.cars["C"]
     assert braking_ahead(c) == ["warning", "warning_level"]
-    assert c.said[-1].cause is BrakeCause.DECELERATION
+    assert a(WarningLevel, c.said[-1]).cause is BrakeCause.DECELERATION

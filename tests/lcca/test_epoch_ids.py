@@ -6,6 +6,7 @@ from onboard.lcca.epoch_ids import ADJACENT_S, OWN_NEXT_S, EpochIds
 from onboard.messages.lcca import NO_ID, Join, Reply, Update
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
+from tests.typed import a
 
 BEGINS_S = 1_700_000_100.0
 MIDDLE_S, ENDS_S = BEGINS_S + 150.0, BEGINS_S + 300.0
@@ -56,7 +57,7 @@ def reply(utc_s: float) -> Reply:
 def test_who_has_read_the_lead_plate_reads_the_leaders_next_id(
     utc_s: float, clocks_apart_s: float
 ) -> None:
-    sent = ids_of(AHEAD).to_send(reply(utc_s), None, utc_s)
+    sent = a(Reply, ids_of(AHEAD).to_send(reply(utc_s), None, utc_s))
 
     assert sent.next_leader_id not in (NEXT_LEADER, NO_ID)
     received = ids_of(BEHIND).received(sent, AHEAD, utc_s + clocks_apart_s)
@@ -67,7 +68,8 @@ def test_who_follows_another_plate_or_none_cannot_read_it() -> None:
     sent = ids_of(AHEAD).to_send(reply(MIDDLE_S), None, MIDDLE_S)
 
     for plate in (STRANGER, None):
-        assert ids_of(BEHIND).received(sent, plate, MIDDLE_S).next_leader_id == NO_ID
+        received = a(Reply, ids_of(BEHIND).received(sent, plate, MIDDLE_S))
+        assert received.next_leader_id == NO_ID
 
 
 def test_the_previous_id_in_a_join_is_read_by_the_vehicle_that_is_joined_only() -> None:
@@ -76,16 +78,17 @@ def test_the_previous_id_in_a_join_is_read_by_the_vehicle_that_is_joined_only() 
         car_id(BEHIND, now_s), LEADER, 3, car_id(AHEAD, now_s), 7, NO_ID, 0,
         car_id(BEHIND, MIDDLE_S),
     )  # fmt: skip
-    sent = ids_of(BEHIND).to_send(join, AHEAD, now_s)
+    sent = a(Join, ids_of(BEHIND).to_send(join, AHEAD, now_s))
 
     assert sent.previous_id not in (join.previous_id, NO_ID)
     assert ids_of(AHEAD).received(sent, None, now_s) == join
-    assert ids_of(STRANGER).received(sent, None, now_s).previous_id == NO_ID
+    received = a(Join, ids_of(STRANGER).received(sent, None, now_s))
+    assert received.previous_id == NO_ID
 
 
 def test_without_the_lead_plate_no_previous_id_is_sent() -> None:
     join = Join(car_id(BEHIND, ENDS_S), LEADER, 3, b"somebody", 7, NO_ID, 0, b"previous")
-    assert ids_of(BEHIND).to_send(join, None, ENDS_S).previous_id == NO_ID
+    assert a(Join, ids_of(BEHIND).to_send(join, None, ENDS_S)).previous_id == NO_ID
 
 
 def test_messages_without_such_ids_stay_as_they_are() -> None:

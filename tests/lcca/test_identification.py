@@ -13,6 +13,7 @@ from onboard.lcca.identification import (
 )
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, Inquiry, decode, encode
 from onboard.observations import Discarded
+from tests.typed import a
 
 OWN, AHEAD, TWIN, FAR = b"own-0000", b"ahead-00", b"twin-000", b"far-0000"
 TEMPORARY = {OWN: b"t-ow", AHEAD: b"t-ah", TWIN: b"t-tw", FAR: b"t-fa"}
@@ -352,7 +353,7 @@ def test_who_asks_too_often_leaves_others_their_answers() -> None:
         drive.core.receive_message(inquiry, b"signer 9", step * 0.01)
     drive.core.messages_to_send()
     drive.core.receive_message(Inquiry(AHEAD, 7, (OWN[:NAME_BYTES],)), b"signer 1", 2.0)
-    assert [each.to_id for each in drive.core.messages_to_send()] == [AHEAD]
+    assert [a(Answer, each).to_id for each in drive.core.messages_to_send()] == [AHEAD]
 
 
 def test_what_was_not_asked_is_discarded() -> None:

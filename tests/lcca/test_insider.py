@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
+from onboard.messages.lcca import CarId, GroupMessage, Update, Warn, WarnCause
 from tests.lcca.road import Air, Car, Road, car_id
 
 INSIDER = b"insider!"
@@ -18,7 +18,7 @@ NAMES = "ABCDEF"
 EVERY_S = 0.125
 BRAKINGS = 5
 
-Forgery = Callable[[int], Iterator[LccaMessage]]
+Forgery = Callable[[int], Iterator[GroupMessage]]
 """Messages that are forged at once, by the newest event sequence number of the leader."""
 
 
@@ -28,18 +28,18 @@ def braking(sequence: int, **changes: object) -> Warn:
     return replace(warn, **changes)  # type: ignore[arg-type]
 
 
-def updates(newest: int) -> Iterator[LccaMessage]:
+def updates(newest: int) -> Iterator[GroupMessage]:
     for sequence in range(newest + 1, newest + 17):
         yield Update(INSIDER, A, 1, A, sequence, 5, A, 0, 1)
 
 
-def ends(newest: int) -> Iterator[LccaMessage]:
+def ends(newest: int) -> Iterator[GroupMessage]:
     for sequence in range(newest - 3, newest + 17):
         for first in (newest, newest + 1, sequence):
             yield braking(sequence, first_sequence=first, cause=WarnCause.OVER)
 
 
-def levels(newest: int) -> Iterator[LccaMessage]:
+def levels(newest: int) -> Iterator[GroupMessage]:
     for sequence in range(newest + 1, newest + 17):
         yield braking(sequence, first_sequence=newest + 1)
 
@@ -70,7 +70,7 @@ class Attack:
             if isinstance(entry.message, Update | Warn) and entry.message.event_origin_id == A
         )
 
-    def receive(self, name: str, message: LccaMessage) -> None:
+    def receive(self, name: str, message: GroupMessage) -> None:
         car = self.road.cars[name]
         self.road.do(car, lambda now: car.group.receive_message(message, now))
 
@@ -106,7 +106,7 @@ def test_under_forged_updates_and_ends_every_braking_is_warned_of(forgery: Forge
         assert all(map(ended, members(attack)))
 
 
-def members(attack: Attack) -> list:
+def members(attack: Attack) -> list[Car]:
     return [attack.road.cars[name] for name in NAMES[1:]]
 
 

@@ -11,6 +11,7 @@ from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import NO_ID, Join, Reply, Update, Warn, WarnCause
 from onboard.observations import Discarded, HardBrake
 from tests.lcca.road import car_id
+from tests.typed import a
 
 A, B, C = (car_id(name) for name in "ABC")
 
@@ -217,4 +218,4 @@ def test_a_warning_is_sent_before_other_messages() -> None:
     car.group.receive_hard_brake(HardBrake(0.0, 5.0, "test"), 0.2)
     out = car.group.messages_to_send(0.2)
     assert [message.kind for message in out] == ["warn", "reply"]
-    assert out[0].age_s == pytest.approx(0.2)
+    assert a(Warn, out[0]).age_s == pytest.approx(0.2)

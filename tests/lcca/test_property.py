@@ -151,7 +151,7 @@ class Drive:
             self.links.pop(0)
 
     def check(self) -> None:
-        could: nx.Graph = nx.DiGraph((ahead, behind) for _, ahead, behind in self.links)
+        could: nx.Graph[str] = nx.DiGraph((ahead, behind) for _, ahead, behind in self.links)
         if self.misread_at > self.road.now - STALE_S:
             could = could.to_undirected()  # Two cars follow one: the row has become a tree.
         for car in self.road.cars.values():
@@ -167,7 +167,8 @@ class Drive:
         """Misread plates may close a circle, but it neither counts up nor lasts."""
         names = {own_id: car.name for car in self.road.cars.values() for own_id in car.all_ids}
         follows = nx.DiGraph(
-            (car.name, names.get(car.group.predecessor_id, "?")) for car in self.road.cars.values()
+            (car.name, names.get(car.group.predecessor_id or b"", "?"))
+            for car in self.road.cars.values()
         )
         follows.remove_nodes_from(["?"])
         if nx.is_directed_acyclic_graph(follows):

@@ -13,7 +13,16 @@ from onboard.lcca.events import MeasuredLead
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
-from onboard.messages.lcca import Join, LccaMessage, Leave, LeaveReason, Reply, Update, Warn, encode
+from onboard.messages.lcca import (
+    GroupMessage,
+    Join,
+    Leave,
+    LeaveReason,
+    Reply,
+    Update,
+    Warn,
+    encode,
+)
 from onboard.observations import HardBrake
 
 OWN, A, B, C = b"own-----", b"car-aaaa", b"car-bbbb", b"car-cccc"
@@ -69,7 +78,7 @@ class Frame:
         self.ahead = MeasuredLead(car_id, gap_m, None)
 
 
-Step = LccaMessage | Frame | float | str
+Step = GroupMessage | Frame | float | str
 
 steps = st.one_of(
     messages,
@@ -121,7 +130,7 @@ def test_any_sequence_of_inputs_leaves_a_consistent_state(
 @given(st.lists(messages, max_size=30))
 @settings(max_examples=100, derandomize=True, database=None)
 def test_a_regular_vehicle_is_never_warned(
-    script: list[LccaMessage],
+    script: list[GroupMessage],
 ) -> None:
     group = WarningGroup(GroupParameters(), OWN, np.random.default_rng(0))
     for message in script:

@@ -25,7 +25,7 @@ def test_the_demonstration_of_the_paper() -> None:
         WarningRaised(
             stamp_s=2.002,
             origin_id=A,
-            sequence=road.warns()[0].message.event_sequence,
+            sequence=road.warns()[0].warn.event_sequence,
             origin_number=1,
             group_number=3,
             leader_id=A,

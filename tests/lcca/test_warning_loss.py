@@ -158,9 +158,9 @@ def test_repetitions_to_a_follower_without_acknowledgement_are_bounded() -> None
     acknowledge_s, spread_s = road.parameters.acknowledge_s, road.parameters.spread_s
     assert all(0.0 <= b - a - acknowledge_s <= spread_s for a, b in pairwise(at))
     assert len({round(b - a, 6) for a, b in pairwise(at)}) > 1  # hidden vehicles do not collide
-    ages = [entry.message.age_s for entry in road.warns() if entry.at >= released_at]
+    ages = [entry.warn.age_s for entry in road.warns() if entry.at >= released_at]
     assert ages == pytest.approx([each - released_at for each in at])
-    assert {entry.message.hops for entry in road.warns()} == {1}
+    assert {entry.warn.hops for entry in road.warns()} == {1}
 
 
 @pytest.mark.parametrize("others", ["", "X"])

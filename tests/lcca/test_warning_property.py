@@ -96,7 +96,7 @@ class Braking:
     def is_of_origin(self, event: WarningRaised | WarningOver) -> bool:
         return event.origin_id in self.origin.all_ids
 
-    def could_follow(self) -> nx.DiGraph:
+    def could_follow(self) -> "nx.DiGraph[str]":
         """Who was ahead of whom lately, by their names."""
         for car in self.road.cars.values():
             ahead = self.road.ahead_of(car)
@@ -108,7 +108,7 @@ class Braking:
         graph.add_nodes_from(self.road.cars)
         return graph
 
-    def check_no_others(self, car: Car, could: nx.DiGraph) -> None:
+    def check_no_others(self, car: Car, could: "nx.DiGraph[str]") -> None:
         for event in car.warnings:
             assert self.is_of_origin(event)
             if event.stamp_s > self.road.now - LOOK_S:

@@ -38,6 +38,16 @@ MOY_S = 240_000 * 60.0
 """Beginning of an hour."""
 
 
+def intersections_of(message: MapData) -> tuple[IntersectionGeometry, ...]:
+    assert message.intersections is not None
+    return message.intersections
+
+
+def ways_of(lane: GenericLane) -> tuple[Connection, ...]:
+    assert lane.connects_to is not None
+    return lane.connects_to
+
+
 def lane(
     lane_id: int,
     nodes_m: list[tuple[float, float]],
@@ -47,7 +57,8 @@ def lane(
 ) -> GenericLane:
     """A vehicle lane; the first node is given from the reference point, the others from there."""
     stop_line = NodeAttributeSet(local_node=(NodeAttribute.STOP_LINE,))
-    nodes, (east_m, north_m) = [], (0.0, 0.0)
+    nodes: list[Node] = []
+    east_m, north_m = 0.0, 0.0
     for node_east_m, node_north_m in nodes_m:
         delta = node_offset(node_east_m - east_m, node_north_m - north_m)
         nodes.append(Node(delta, stop_line if ingress and not nodes else None))

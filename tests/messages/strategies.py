@@ -1,5 +1,6 @@
 """Values that a declaration can carry, at the resolution of the wire."""
 
+from functools import partial
 from typing import Any
 
 from hypothesis import strategies as st
@@ -47,7 +48,7 @@ def values(  # noqa: C901, PLR0911 (one for each kind)
         case Choice():
             return st.one_of(
                 [
-                    values(each, most).map(lambda value, name=name: Chosen(name, value))
+                    values(each, most).map(partial(Chosen, name))
                     for name, each in field.alternatives.items()
                 ]
             )

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.strategies._internal.core import DataObject
-from hypothesis.strategies._internal.lazy import LazyStrategy
 
 from onboard.errors import DecodeError
 from onboard.messages import bsm
@@ -38,6 +37,7 @@ from onboard.messages.bsm_safety import (
 )
 from onboard.messages.message_frame import RegionalExtension
 from tests.messages.strategies import records
+from tests.typed import about
 
 ORACLE_TEXT = Path(__file__).with_name("bsm_oracle.asn1")
 ORACLE = asn1tools.compile_files(str(ORACLE_TEXT), "uper")
@@ -65,7 +65,7 @@ gears = st.sampled_from(["neutral", "park", "forward", "reverse", "r1", "r2", "r
 controls = st.sampled_from(["unavailable", "off", "on", "engaged"])
 
 
-def bit_strings(bits: int) -> LazyStrategy:
+def bit_strings(bits: int) -> st.SearchStrategy[tuple[bytes, int]]:
     return st.integers(0, 2**bits - 1).map(
         lambda number: ((number << -bits % 8).to_bytes((bits + 7) // 8), bits)
     )
@@ -165,20 +165,20 @@ safeties = st.fixed_dictionaries(
 
 
 def framed(
-    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    core: dict[str, Any],
     safety: Any = None,
     other_parts: list[tuple[int, bytes]] | tuple[()] = (),
     regions: list[tuple[int, bytes]] | tuple[()] = (),
 ) -> bytes:
     parts = [] if safety is None else [{"id": 0, "value": ORACLE.encode("Safety", safety)}]
     parts += [{"id": part_id, "value": value} for part_id, value in other_parts]
-    message = {"core": core}
+    message: dict[str, Any] = {"core": core}
     if parts:
         message["parts"] = parts
     if regions:
         message["regions"] = [{"id": region_id, "value": value} for region_id, value in regions]
     value = ORACLE.encode("Bsm", message)
-    return ORACLE.encode("Frame", {"messageId": 20, "value": value})
+    return bytes(ORACLE.encode("Frame", {"messageId": 20, "value": value}))
 
 
 # ---- round trips --------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ def framed(
     other_regions=st.lists(st.tuples(st.integers(0, 127), st.binary(max_size=40)), max_size=3),
 )
 def test_bsms_of_another_compiler_are_decoded_and_encoded_bit_for_bit(
-    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    core: dict[str, Any],
     safety: Any,
     other_parts: list[tuple[int, bytes]],
     footer: bytes | None,
@@ -227,6 +227,7 @@ def test_an_optional_field_sent_as_unavailable_is_none_and_left_out_when_written
     crumb = {"latOffset": 1, "lonOffset": 1, "elevationOffset": 1, "timeOffset": 1}
     theirs = {"pathHistory": {"crumbData": [crumb | {"speed": 8191, "heading": 240}]}}
     safety = SAFETY.decode(ORACLE.encode("Safety", theirs))
+    assert safety.path_history is not None
     point = safety.path_history.crumb_data[0]
     assert (point.speed_m_s, point.heading_rad) == (None, None)
     assert ORACLE.decode("Safety", SAFETY.encode(safety)) == {"pathHistory": {"crumbData": [crumb]}}
@@ -284,8 +285,8 @@ def test_every_quantity_has_its_si_value() -> None:
     assert core.acceleration == AccelerationSet(
         longitudinal_m_s2=-4.12,
         lateral_m_s2=0.25,
-        vertical_m_s2=pytest.approx(-9.80665),
-        yaw_rate_rad_s=pytest.approx(math.radians(15)),
+        vertical_m_s2=about(-9.80665),
+        yaw_rate_rad_s=about(math.radians(15)),
     )
     assert core.brakes == BrakeSystemStatus(
         wheel_brakes=WheelBrakes.LEFT_FRONT | WheelBrakes.RIGHT_FRONT,
@@ -396,6 +397,8 @@ def _pycrate(folder: Path) -> ModuleType:
     compile_text(ORACLE_TEXT.read_text())
     generate_modules(PycrateGenerator, str(folder / "oracle.py"))
     spec = importlib.util.spec_from_file_location("oracle", folder / "oracle.py")
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -446,7 +449,7 @@ def _reason(data: bytes) -> str:
 
 @given(core=cores, safety=safeties)
 def test_the_temporary_id_is_found_without_decoding_the_rest(
-    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    core: dict[str, Any],
     safety: Any,
 ) -> None:
     frame = framed(core, safety)
@@ -463,7 +466,7 @@ def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise: bytes) -> No
 
 @given(core=cores, safety=safeties, data=st.data())
 def test_a_bsm_truncated_anywhere_is_too_short(
-    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    core: dict[str, Any],
     safety: Any,
     data: DataObject,
 ) -> None:
@@ -475,7 +478,7 @@ def test_a_bsm_truncated_anywhere_is_too_short(
 @given(noise=st.binary(max_size=300), core=cores, safety=safeties, data=st.data())
 def test_any_bytes_raise_only_decode_errors(
     noise: bytes,
-    core: dict[str, bytes | dict[str, int] | dict[str, str | tuple[bytes, int]] | int | str],
+    core: dict[str, Any],
     safety: Any,
     data: DataObject,
 ) -> None:

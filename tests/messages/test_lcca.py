@@ -61,7 +61,7 @@ EXAMPLES: list[tuple[LccaMessage, str]] = [
 
 def messages() -> st.SearchStrategy[Any]:
     """Return every message that the declarations allow."""
-    return st.one_of(records(record) for record in MESSAGES.values())
+    return st.one_of([records(record) for record in MESSAGES.values()])
 
 
 @pytest.mark.parametrize(

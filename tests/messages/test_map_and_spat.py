@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
@@ -37,7 +38,7 @@ slow = settings(
 @pytest.mark.long
 @slow
 @given(maps)
-def test_every_map_is_that_of_another_codec_and_is_read_again(message) -> None:
+def test_every_map_is_that_of_another_codec_and_is_read_again(message: MapData) -> None:
     _check(MAP_DATA, message)
 
 
@@ -47,7 +48,7 @@ def test_every_spat_is_that_of_another_codec_and_is_read_again(message: Spat) ->
     _check(SPAT, message)
 
 
-def _check(record: Record, message: Spat) -> None:
+def _check(record: Record[Any], message: MapData | Spat) -> None:
     data = record.encode(message)
     assert_same(record, message, decoded(record, data))
     assert record.decode(data) == message
@@ -120,7 +121,7 @@ def _with_additions(bits: str) -> str:
     return "1" + bits[1:] + _ADDITIONS
 
 
-def _length(record: Record, message: Spat) -> int:
+def _length(record: Record[Any], message: MapData | Spat) -> int:
     from onboard.messages.bit_io import BitWriter
 
     writer = BitWriter()
@@ -128,7 +129,7 @@ def _length(record: Record, message: Spat) -> int:
     return writer.bits
 
 
-def _bits(data: bytes, len_bits: None = None) -> str:
+def _bits(data: bytes, len_bits: int | None = None) -> str:
     return _text(data)[:len_bits]
 
 

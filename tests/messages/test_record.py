@@ -24,6 +24,7 @@ from onboard.messages.fields import (
 )
 from onboard.messages.record import Record
 from tests.messages.strategies import records
+from tests.typed import a
 
 
 class Weather(Enum):
@@ -83,7 +84,7 @@ def test_a_longer_message_has_trailing_bytes() -> None:
 def test_a_quantity_beyond_the_range_is_sent_as_its_end() -> None:
     fast = Sample(0, 400.0, -1e9, b"abc", 0)
     assert RECORD.decode(RECORD.encode(fast)) == Sample(0, 8190 * 0.02, -100.0, b"abc", 0)
-    assert RECORD.fields["speed_m_s"].to_raw(float("inf")) == 8190
+    assert a(FixedPoint, RECORD.fields["speed_m_s"]).to_raw(float("inf")) == 8190
 
 
 def test_an_unavailable_quantity_stays_unavailable() -> None:

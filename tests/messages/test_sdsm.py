@@ -188,7 +188,9 @@ def oracle_can_read(message: SensorDataSharingMessage) -> bool:
 @pytest.mark.long
 @settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(records(SDSM, most=2).filter(oracle_can_read))
-def test_every_message_has_the_bits_of_another_codec_and_is_read_again(message) -> None:
+def test_every_message_has_the_bits_of_another_codec_and_is_read_again(
+    message: SensorDataSharingMessage,
+) -> None:
     data = SDSM.encode(message)
     theirs = ORACLE.decode("SensorDataSharingMessage", data)
     assert ORACLE.encode("SensorDataSharingMessage", theirs) == data

@@ -16,6 +16,7 @@ from tests.mvs.world import (
     assert_lists_each_measurement_once,
     to_degrees,
 )
+from tests.typed import a
 
 
 @pytest.mark.parametrize("selection", ["mvs", "mo", "rs"])
@@ -31,10 +32,10 @@ def test_a_footer_keeps_to_m_entries_and_to_its_bytes(selection: str) -> None:
 
     world.run(2.0)
 
-    footers = [mvs_footer.decode(message.footer) for message in world.sent[20:]]
+    footers = [mvs_footer.decode(a(bytes, message.footer)) for message in world.sent[20:]]
     entries = [len(footer.measurements) + len(footer.estimates) for footer in footers]
     assert max(entries) <= 5
-    assert max(len(message.footer) for message in world.sent) <= 150
+    assert max(len(a(bytes, message.footer)) for message in world.sent) <= 150
     assert min(entries) >= 2
     assert_lists_each_measurement_once(world)
 
@@ -77,8 +78,8 @@ def test_what_comes_back_from_others_is_not_sent_again() -> None:
 
     world.run(3.0)
 
-    of_a = [read(m.footer) for m in world.sent if m.sender.name == "a"]
-    of_b = [read(m.footer) for m in world.sent if m.sender.name == "b"]
+    of_a = [read(a(bytes, m.footer)) for m in world.sent if m.sender.name == "a"]
+    of_b = [read(a(bytes, m.footer)) for m in world.sent if m.sender.name == "b"]
     assert [len(provenance) for footer in of_a[5:] for provenance in footer.provenances] == [1] * 25
     assert {len(provenance) for footer in of_b for provenance in footer.provenances} == {2}
 
@@ -129,6 +130,8 @@ def test_no_footer_has_more_measurements_than_are_accepted() -> None:
     world.run(2.0)
 
     assert [world.discarded(name) for name in names] == [[]] * 4
-    longest = [max(map(len, read(message.footer).provenances)) for message in world.sent[20:]]
+    longest = [
+        max(map(len, read(a(bytes, message.footer)).provenances)) for message in world.sent[20:]
+    ]
     assert max(longest) == 8
     assert all(len(world.without_radio(name)) == 1 for name in names)

@@ -155,7 +155,7 @@ def test_delayed_footers_are_accepted_together() -> None:
 
 
 def test_ghosts_without_end_are_bounded_and_leave_room_for_the_own_camera() -> None:
-    mvs = victim()
+    mvs, reasons, near = victim(), list[str](), list[Estimate]()
     for k in range(30):
         now = NOW + k * 0.06
         stamps = [round(now * 1000) - age for age in (10, 60, 110)]
@@ -240,7 +240,7 @@ def test_a_ghost_gets_no_smaller_covariance_than_its_provenance_allows() -> None
 
 def test_a_single_attacker_does_not_move_a_car_that_others_measure() -> None:
     """The false position is outside the gate: another car, known by one sender only."""
-    mvs = victim()
+    mvs, now = victim(), NOW
     for k in range(10):
         now = NOW + k / 10
         seen = [
@@ -361,7 +361,7 @@ def test_footers_about_a_seen_car_leave_all_states_finite_and_positive(footers: 
     for k, said in enumerate(footers):
         estimates = tuple(
             SharedEstimate(
-                SharedState(number, x_m, 32.2, 0.0, 0.0, *sigmas, *of_speed, *correlations, 1),
+                SharedState(*(number, x_m, 32.2, 0.0, 0.0, *sigmas, *of_speed, *correlations, 1)),
                 (ObserverRun(0, tuple(ages_ms)),),
             )
             for number, x_m, sigmas, of_speed, correlations, ages_ms in said

@@ -12,6 +12,7 @@ from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.mvs.world import EXACT, Car, Message, World, only, ring
+from tests.typed import a
 
 # --- The paper's Figure 1 ------------------------------------------------------------------------
 
@@ -97,7 +98,7 @@ def test_a_seen_car_with_a_radio_is_not_reported_as_one_without() -> None:
     for _ in range(20):
         world.run(0.2)
         assert all(not world.without_radio(name) for name in "abc")
-    assert all(len(m.footer) == mvs_footer.HEADER.size_bytes for m in world.sent)
+    assert all(len(a(bytes, m.footer)) == mvs_footer.HEADER.size_bytes for m in world.sent)
 
 
 def test_the_host_vehicle_reported_back_is_recognised() -> None:
@@ -345,7 +346,7 @@ def test_when_utc_is_corrected_a_car_in_view_is_known_again_at_once(step_s: floa
     for k in range(40):
         now = 1000.0 + k * 0.05
         if k == 30:
-            assert only(known)
+            assert len(known) == 1
             mvs.set_utc_offset(step_s)
         mvs.receive_position(Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0))
         seen = VehicleDetection(now, 1, 30.0 + 15.0 * (now - 1000.0), 0.5, 0.0, 0.01)

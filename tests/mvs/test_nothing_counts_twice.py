@@ -19,6 +19,7 @@ from tests.mvs.world import (
     only,
     ring,
 )
+from tests.typed import a
 
 
 def test_evidence_forwarded_in_circles_is_used_once() -> None:
@@ -43,7 +44,9 @@ def test_a_ring_that_has_lost_sight_does_not_keep_a_car_alive() -> None:
     world.run(1.6)
 
     assert all(world.without_radio(f"c{k}") == [] for k in range(4))
-    assert all(len(message.footer) == mvs_footer.HEADER.size_bytes for message in world.sent[-4:])
+    assert all(
+        len(a(bytes, message.footer)) == mvs_footer.HEADER.size_bytes for message in world.sent[-4:]
+    )
 
 
 @pytest.mark.long

@@ -30,14 +30,18 @@ def drive(
         mvs.receive_position(
             Position(now, *place, None, 0.3, math.hypot(east, north), math.atan2(east, north))
         )
-        rate = {
-            "range_rate_m_s": lead_m_s - OWN_M_S + RATE_SIGMA_M_S * rng.normal(),
-            "range_rate_sigma_m_s": RATE_SIGMA_M_S,
-        }
+        rate_m_s = lead_m_s - OWN_M_S + RATE_SIGMA_M_S * rng.normal()
         range_m = 40.0 + (lead_m_s - OWN_M_S) * now + 0.3 * rng.normal()
         mvs.receive_detection(
             VehicleDetection(
-                now, 1, range_m, 0.3, 0.005 * rng.normal(), 0.005, **(rate if has_rate else {})
+                now,
+                1,
+                range_m,
+                0.3,
+                0.005 * rng.normal(),
+                0.005,
+                range_rate_m_s=rate_m_s if has_rate else None,
+                range_rate_sigma_m_s=RATE_SIGMA_M_S if has_rate else None,
             )
         )
         mvs.update(now)

@@ -1,5 +1,6 @@
 """Sharing in SDSMs: what is sent, what is used, and that nothing counts twice beside footers."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from onboard.messages.sdsm import EquipmentType, ObjectType
 from onboard.mvs.sdsm_coding import SIGMAS_IN_95_PERCENT, entries_in
 from onboard.mvs.settings import SharedIn
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
+from tests.typed import a
 
 
 def two_and_one(shared_in: SharedIn, **changes: Any) -> World:
@@ -53,7 +55,7 @@ def test_an_object_states_position_velocity_time_and_accuracy() -> None:
     assert car.type is ObjectType.VEHICLE
     assert (car.offset.east_m, car.offset.north_m) == pytest.approx((0.0, 25.0), abs=1.5)
     assert car.speed_m_s == pytest.approx(10.0, abs=1.5)
-    assert min(car.heading_rad, 2 * np.pi - car.heading_rad) < 0.2
+    assert abs(math.remainder(a(float, car.heading_rad), math.tau)) < 0.2
     measured_ms = message.time.utc_ms(round(world.t * 1000)) + car.measurement_time_ms
     assert 0 <= world.t * 1000 - measured_ms <= 201
     assert car.confidence.position_m in {1.0, 2.0}  # 95 % of a sigma of about 0.45 m
@@ -145,7 +147,9 @@ def test_only_vehicles_with_a_confidence_are_used() -> None:
     person = replace(car, common=replace(car.common, type=ObjectType.VRU))
     entries = entries_in(replace(message, objects=(unsure, person, car)), round(world.t * 1000))
     assert len(entries) == 1
-    sigma_m = car.common.confidence.position_m / SIGMAS_IN_95_PERCENT
+    bound_m = car.common.confidence.position_m
+    assert bound_m is not None
+    sigma_m = bound_m / SIGMAS_IN_95_PERCENT
     assert entries.entries.covariances[:2, :2, 0] == pytest.approx(np.eye(2) * sigma_m**2)
 
 

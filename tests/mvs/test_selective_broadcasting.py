@@ -91,7 +91,8 @@ def test_significance_is_the_inverse_of_what_was_received() -> None:
 
 
 def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
-    evidence = [measurement(1, b"a"), *fuse([[measurement(1, b"b"), measurement(1, b"c")]], 1.0)]
+    evidence: list[Evidence] = [measurement(1, b"a")]
+    evidence += fuse([[measurement(1, b"b"), measurement(1, b"c")]], 1.0)
     candidates = [Candidate(evidence, 2, is_sensed=True), candidate(2, "abcd", False)]
 
     selections = [measurements_only(candidates, 2, estimate, RNG) for _ in range(200)]

@@ -13,6 +13,7 @@ from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings, SharedIn
 from onboard.observations import Position, VehicleDetection
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from tests.typed import a
 
 ORIGIN = LocalFrame(48.1, 11.5)
 EXACT = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.01))
@@ -220,7 +221,7 @@ class World:
 
     def place_of(self, name: str, known: PerceivedObject) -> np.ndarray:
         """State (4) of a car known to `name`, in the world's frame."""
-        frame = self.mvs[name]._host.frame
+        frame = a(LocalFrame, self.mvs[name]._host.frame)
         turn, shift = ORIGIN.mapping_from(frame)
         return np.concatenate([turn @ known.state[:2] + shift, turn @ known.state[2:]])
 

@@ -44,7 +44,7 @@ class Daemon:
         }
         (folder / "car.yaml").write_text(yaml.safe_dump(tree))
         limit = f"ulimit -f {limits['blocks']}; " if limits else ""
-        command = [sys.executable, "-m", "onboard", "run", folder / "car.yaml"]
+        command = [sys.executable, "-m", "onboard", "run", str(folder / "car.yaml")]
         self.process = subprocess.Popen(
             ["sh", "-c", f'{limit}exec "$@"', "sh", *command], stderr=subprocess.DEVNULL
         )

@@ -198,7 +198,7 @@ def before_chunks(segment: Path) -> bytes:
 def encoded(chunk: Chunk) -> bytes:
     builder = RecordBuilder()
     chunk.write(builder)
-    return builder.end()
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 def test_a_missing_file_is_an_error(tmp_path: Path) -> None:

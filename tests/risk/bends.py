@@ -56,13 +56,11 @@ class Scene:
         rng = np.random.default_rng(self.seed)
         monitor, keeper = RiskMonitor(RiskSettings(), 4.8, 1.8), PathHistoryKeeper()
         steps = round(until_m / self.speed_m_s * 10.0)
-        for k in range(steps + 1):
-            now = k / 10.0
-            own = self._fix(rng, now, self.speed_m_s * now, 0.0)
-            other_way_m = self.speed_m_s * now + self.ahead_m
-            other = self._fix(rng, now, other_way_m, self.left_m(other_way_m))
-            monitor.receive_event(own, now)
+        fixes = [self._fixes(rng, k / 10.0) for k in range(steps + 1)]
+        for own, other in fixes:
+            monitor.receive_event(own, own.stamp_s)
             keeper.receive_position(other)
+        (own, other), now = fixes[-1], steps / 10.0
         safety = VehicleSafetyExtensions(VehicleEventFlags.HARD_BRAKING, keeper.history(now))
         core = CoreData(
             1, OTHER_ID, latitude_deg=other.latitude_deg, longitude_deg=other.longitude_deg,
@@ -71,6 +69,11 @@ class Scene:
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         known = as_object(other, OTHER_ID.hex(), ObjectSource.BSM)
         return monitor, as_object(own, "own", ObjectSource.HOST), known, now
+
+    def _fixes(self, rng: np.random.Generator, now: float) -> tuple[Position, Position]:
+        own = self._fix(rng, now, self.speed_m_s * now, 0.0)
+        other_way_m = self.speed_m_s * now + self.ahead_m
+        return own, self._fix(rng, now, other_way_m, self.left_m(other_way_m))
 
     def _fix(self, rng: np.random.Generator, now: float, way_m: float, left_m: float) -> Position:
         return noisy_fix(self.road.at(way_m, left_m), self.speed_m_s, now, rng)

@@ -37,7 +37,7 @@ def overlap(s_a: np.ndarray, x_b: np.ndarray, y_b: np.ndarray, heading: np.ndarr
     along, across = dx * cosine + dy * sine, dy * cosine - dx * sine
     touching &= np.abs(along) < length + length * np.abs(cosine) + width * np.abs(sine)
     touching &= np.abs(across) < width + length * np.abs(sine) + width * np.abs(cosine)
-    return touching
+    return np.asarray(touching)
 
 
 def brute_force(
@@ -50,7 +50,8 @@ def brute_force(
         for car, drawn in ((a, drawn_a), (b, drawn_b))
     )
     heading = np.full_like(s_b, angle_rad)
-    return overlap(s_a, s_b * np.cos(angle_rad), s_b * np.sin(angle_rad), heading).any(axis=1)
+    touching = overlap(s_a, s_b * np.cos(angle_rad), s_b * np.sin(angle_rad), heading)
+    return np.asarray(touching.any(axis=1))
 
 
 @pytest.mark.long
@@ -82,8 +83,8 @@ def test_quadrature_error_is_below_one_in_a_thousand(behaviour: Behaviour) -> No
     rng = np.random.default_rng(3)
     middle = (np.arange(20_000) + 0.5) / 20_000
     for _ in range(40):
-        a = approach(*rng.uniform([-2.0, 0.0], [50.0, 16.0]), behaviour)
-        b = approach(*rng.uniform([-2.0, 0.0], [50.0, 16.0]), behaviour)
+        (a_m, a_m_s), (b_m, b_m_s) = rng.uniform([-2.0, 0.0], [50.0, 16.0], (2, 2))
+        a, b = approach(a_m, a_m_s, behaviour), approach(b_m, b_m_s, behaviour)
         fine = _colliding_share(behaviour.quantile(middle)[None, :], a, b, RIGHT_ANGLE).mean()
         assert p_c(a, b) == pytest.approx(fine, abs=1e-3)
 

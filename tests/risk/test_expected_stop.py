@@ -28,7 +28,7 @@ def red_from_the_west(vehicle: PerceivedObject) -> float | None:
 
 
 def braking(
-    drive: Callable[..., Any], until_s: float, braking_m_s2: float
+    drive: Callable[..., tuple[float, float, float, float]], until_s: float, braking_m_s2: float
 ) -> Callable[..., tuple[float, float, float, float]]:
     """Like `drive`, a drive north, until the driver brakes."""
 

@@ -24,6 +24,7 @@ from onboard.trace.trace_line import as_line
 from onboard.tracking.evidence import MeasurementId
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.lcca_warnings import lcca_warning
+from tests.typed import about
 
 OTHER_ID = bytes.fromhex("0a0b0c0d")
 State = tuple[float, float, float, float]
@@ -337,7 +338,7 @@ def test_a_hard_braking_flag_grows_old_and_its_alarm_ends() -> None:
 
     first, last = alarms(of)
     assert first.level is Level.WARNING
-    assert (last.level, last.stamp_s) == (Level.NONE, pytest.approx(2.0, abs=0.11))
+    assert (last.level, last.stamp_s) == (Level.NONE, about(2.0, 0.11))
 
 
 def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() -> None:
@@ -355,7 +356,7 @@ def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() ->
     for k in range(151, 170):
         of.assess(None, [], k / 10)
     (ended,) = alarms(of)
-    assert (ended.level, ended.stamp_s) == (Level.NONE, pytest.approx(16.0, abs=0.11))
+    assert (ended.level, ended.stamp_s) == (Level.NONE, about(16.0, 0.11))
 
 
 def test_two_warnings_are_one_alarm_that_lasts_until_both_are_over() -> None:

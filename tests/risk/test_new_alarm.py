@@ -22,7 +22,9 @@ from onboard.trace.trace_line import Event, as_line
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
 from sim_rig.scenario.expectations import Expectation
+from sim_rig.scenario.expected_alarms import AlarmExpected
 from tests.risk.toy_alarm import ROW, TOY
+from tests.typed import a
 
 EXPECTED = {"what": "alarm", "car": "ann", "cause": "toy", "from_s": 0.0, "by_s": 1.0}
 
@@ -112,7 +114,7 @@ def test_metrics_count_it_from_the_start() -> None:
 
 @pytest.mark.usefixtures("_in_the_table")
 def test_a_scenario_may_expect_it() -> None:
-    assert TypeAdapter(Expectation).validate_python(EXPECTED).cause == TOY
+    assert a(AlarmExpected, TypeAdapter(Expectation).validate_python(EXPECTED)).cause == TOY
 
 
 def test_a_scenario_may_expect_no_cause_that_is_not_in_the_table() -> None:

@@ -8,12 +8,12 @@ import pytest
 
 from onboard.lcca.epoch_ids import OWN_NEXT_S
 from onboard.lcca.events import Identified, IdentityLost
+from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
 from onboard.recorder.identities import RecordingDigest
 from onboard.runtime.candidate_ids import (
     EPOCH_AHEAD_S,
     LEAST_PROBABILITY,
-    MAX_NAMES,
     STEP_WITHIN_S,
     WAKE_S,
     CandidateIds,

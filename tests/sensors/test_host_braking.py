@@ -115,7 +115,7 @@ def test_it_is_never_more_than_the_car_brakes(
     braking: float, begin_m_s: float, hz: int, step_m_s: float
 ) -> None:
     """However coarse the speeds; and with whole km/h at 20 Hz within 1.4 m/s^2 of it."""
-    own = HostBraking(WINDOW_S)
+    own, estimate = HostBraking(WINDOW_S), None
     for k in range(hz + 1):
         exact_m_s = begin_m_s - braking * k / hz
         own.receive_speed(

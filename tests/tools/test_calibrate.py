@@ -93,7 +93,8 @@ def photograph(art: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -
         borderValue=128,
     )
     noisy = flat + np.random.default_rng(1).normal(0, 2, flat.shape)
-    return cv2.cvtColor(np.clip(noisy, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    grey = np.clip(noisy, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def at_different_tilts(art: np.ndarray, count: int = 8) -> list[np.ndarray]:
@@ -187,7 +188,7 @@ def test_a_row_of_corners_is_no_board() -> None:
     middle = np.array([COLUMNS, ROWS, 0]) * SQUARE_M / 2
     picture = photograph(art, np.eye(3), np.array([0, 0, 1.0]) - middle)
 
-    assert CHARUCO.find(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)) is None
+    assert CHARUCO.find(np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)) is None
 
 
 def test_focal_length_and_mounting_are_found_by_a_plate_at_known_distances() -> None:

@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -178,7 +179,7 @@ def run(*arguments: Path) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def records(result: Result) -> None:
+def records(result: Result) -> list[dict[str, Any]]:
     assert result.exception is None, result.exception
     return [json.loads(line) for line in result.output.splitlines()]
 

@@ -123,15 +123,15 @@ def numbers(tree: Any, found: dict[str, set[int]] | None = None) -> dict[str, se
 def test_every_number_of_a_message_is_what_tshark_reads(packet: bytes, tmp_path: Path) -> None:
     (theirs,) = tshark(write_capture(tmp_path / "its.pcap", packet))
     assert "_ws.malformed" not in theirs
-    read = {}
+    read: dict[str, set[str]] = {}
     for name, values in theirs.items():
         protocol, _, field = name.partition(".")
         if protocol in {"its", "cam", "denm"}:
             read.setdefault(field, set()).update(map(str, values))
     ours = numbers(describe(packet)["its"])
     assert len(ours) >= 15
-    for name, values in ours.items():
-        assert {str(value) for value in values} <= read[name], name
+    for name, integers in ours.items():
+        assert {str(value) for value in integers} <= read[name], name
 
 
 @needs_tshark

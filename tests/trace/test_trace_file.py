@@ -1,6 +1,7 @@
 """Traces and captures on disk."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from onboard.trace.trace_file import TraceFile
 
 
 @pytest.fixture(autouse=True)
-def an_umask_that_hides_nothing():
+def an_umask_that_hides_nothing() -> Iterator[None]:
     before = os.umask(0)
     yield
     os.umask(before)

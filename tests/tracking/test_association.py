@@ -134,17 +134,18 @@ def test_the_assignment_is_the_best_of_all(
     """Against trying every assignment, for cars so close that all gates overlap."""
     rng = np.random.default_rng(seed)
     n_pieces, n_cars = (many, few) if pieces_are_more else (few, many)
-    cars = [car(*rng.uniform(0, 2, 2), sigma_m=rng.uniform(1, 2)) for _ in range(n_cars)]
-    pieces: list[Evidence] = [measured(*rng.uniform(0, 2, 2)) for _ in range(n_pieces)]
+    places = [rng.uniform(0, 2, 3) for _ in range(n_cars)]
+    cars = [car(x_m, y_m, sigma_m=1.0 + more_m / 2) for x_m, y_m, more_m in places]
+    pieces = [measured(*rng.uniform(0, 2, 2)) for _ in range(n_pieces)]
 
     def cost(pairs: tuple[tuple[int, int], ...]) -> float:
         total = 0.0
         for at, of in pairs:
             piece = pieces[at]
-            difference = piece.position_m - cars[of].state[:2]  # type: ignore[union-attr]
+            difference = piece.position_m - cars[of].state[:2]
             spread = piece.covariance + cars[of].covariance[:2, :2]
-            total += difference @ np.linalg.solve(spread, difference)
-            total += np.log(np.linalg.det(spread))
+            total += float(difference @ np.linalg.solve(spread, difference))
+            total += float(np.log(np.linalg.det(spread)))
         return total
 
     def pairs(chosen: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
@@ -153,7 +154,7 @@ def test_the_assignment_is_the_best_of_all(
 
     best = min(map(pairs, permutations(range(many), few)), key=cost)
 
-    assert found(pieces, cars, 0.999_999) == dict(best)
+    assert found(list(pieces), cars, 0.999_999) == dict(best)
 
 
 def test_of_a_car_seen_once_the_speed_is_taken_to_be_a_cars() -> None:

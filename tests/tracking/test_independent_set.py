@@ -17,9 +17,9 @@ provenances = st.lists(
 )
 
 
-def graph_of(sets: list[frozenset[int]]) -> nx.Graph:
+def graph_of(sets: list[frozenset[int]]) -> "nx.Graph[int]":
     """The paper's graph: a vertex per set, an edge between those with a common timestamp."""
-    graph = nx.Graph()
+    graph: nx.Graph[int] = nx.Graph()
     for index, provenance in enumerate(sets):
         graph.add_node(index, value=len(provenance))
     graph.add_edges_from((a, b) for a, b in combinations(range(len(sets)), 2) if sets[a] & sets[b])
@@ -122,10 +122,11 @@ def test_its_total_and_number_of_entries_are_those_of_an_integer_programme(seed:
 
     programme = milp(
         -worth, constraints=LinearConstraint(uses, ub=1), bounds=Bounds(0, 1),
-        integrality=np.ones(len(sets)),
+        integrality=np.ones(len(sets), int),
     )  # fmt: skip
 
     chosen = select_independent(sets)
+    assert programme.fun is not None
     assert math.isclose(worth[chosen].sum(), -programme.fun, abs_tol=1e-6)
 
 

@@ -19,7 +19,8 @@ Q = 1.7
 
 def some_covariances(rng: np.random.Generator, size: int, n: int) -> Array:
     root = rng.normal(size=(size, size, n))
-    return np.einsum("ikn,jkn->ijn", root, root) + 0.01 * np.eye(size)[:, :, None]
+    squares: Array = np.einsum("ikn,jkn->ijn", root, root)
+    return squares + 0.01 * np.eye(size)[:, :, None]
 
 
 def filterpy_track(state: Array, covariance: Array) -> KalmanFilter:

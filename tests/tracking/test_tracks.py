@@ -108,8 +108,9 @@ def test_two_numbers_of_one_vehicle_are_merged() -> None:
     for k in range(12):
         for at, sender in enumerate((A, B)):
             stamp_ms = 1000 + 100 * k + 30 * at
-            place = rng.normal(0, 1.0, 2)
-            receive(tracks, sender, {5: measured(*place, stamp_ms, 1.0, by=sender)}, stamp_ms + 10)
+            x_m, y_m = rng.normal(0, 1.0, 2)
+            seen = measured(x_m, y_m, stamp_ms, 1.0, by=sender)
+            receive(tracks, sender, {5: seen}, stamp_ms + 10)
             merged += tracks.merged
             assert sum(track.is_reported for track in tracks) <= 1
 

@@ -4,13 +4,14 @@ import pytest
 
 from onboard.messages import lcca
 from onboard.misbehaviour.signer_credibility import MOST_ALARMS
-from onboard.observations import HardBrake
+from onboard.observations import Discarded, HardBrake
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
 from onboard.step import ReceivedWsm
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.security.trial import ALICE, BOB, CAROL, UTC_S
+from tests.typed import a
 from tests.vehicle.platoon import SPEED_M_S, Platoon, car
 
 
@@ -60,7 +61,7 @@ def test_one_insider_raises_three_warnings_at_most() -> None:
         warn(driven, number)
         driven.drive(4.0)
     assert len(list(driven.events_of("BBB2", "warning"))) == MOST_ALARMS
-    refused = [each.reason for each in driven.events_of("BBB2", "discarded")]
+    refused = [a(Discarded, each).reason for each in driven.events_of("BBB2", "discarded")]
     assert refused.count("ignored_signer") == 6 - MOST_ALARMS
     assert len(list(driven.events_of("BBB2", "signer_ignored"))) == 1
 

@@ -68,7 +68,9 @@ def test_a_vehicle_that_the_detector_sees_alarms_every_time() -> None:
     for encounter in range(1, 11):
         began_at = host.now
 
-        def approach(now: float, began_at: float = began_at, number: int = encounter) -> list:
+        def approach(
+            now: float, began_at: float = began_at, number: int = encounter
+        ) -> list[bytes]:
             left_m = SPEED_M_S * (PASS_S - (now - began_at))
             range_m = math.sqrt(2.0) * left_m - FACE_TO_CENTRE_M
             seen = VehicleDetection(now, number, max(range_m, 0.5), 0.3, math.pi / 4, 0.005)

@@ -1,6 +1,7 @@
 """LCCA of two vehicles whose messages the test carries, without the other cores."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -97,7 +98,10 @@ class Pair:
                             other.hears(message, SIGNERS[plate], self.now)
 
 
-def of(events: list[Event], kind: type) -> list[Event]:
+E = TypeVar("E")
+
+
+def of(events: list[Event], kind: type[E]) -> list[E]:
     return [event for event in events if isinstance(event, kind)]
 
 

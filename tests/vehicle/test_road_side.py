@@ -1,6 +1,8 @@
 """A whole vehicle that hears a road-side unit."""
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -9,10 +11,9 @@ from onboard.messages.map_data import ReferencePoint
 from onboard.observations import Position, Sensor
 from onboard.security import p256
 from onboard.security.credentials import Credentials
-from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
-from onboard.step import ReceivedWsm
+from onboard.step import Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 from onboard.trace.trace_line import as_trace_record
 from onboard.vehicle.config import CarConfig
@@ -20,7 +21,7 @@ from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.intersections.test_signal_phase import SENT_UTC_S
-from tests.messages.crossing_messages import crossing_map, crossing_spat
+from tests.messages.crossing_messages import crossing_map, crossing_spat, intersections_of
 
 TRIAL = make_trial(
     ["car", "other"],
@@ -43,10 +44,10 @@ def vehicle(credentials: Credentials | None) -> Stack:
     )
 
 
-def events_of(stack: Stack, sender: Credentials | None) -> None:
+def events_of(stack: Stack, sender: Credentials | None) -> list[dict[str, Any]]:
     """Drive 0.5 s eastwards on lane 1, 40 m before its stop line, and hear MAP and SPAT."""
     security = SecurityServices(SENT_UTC_S, sender)
-    events = []
+    events: list[dict[str, Any]] = []
     for tenth in range(6):
         now = tenth / 10
         fix = Position(now, 42.0, -83.0006, None, 0.5, 10.0, np.pi / 2)
@@ -57,18 +58,12 @@ def events_of(stack: Stack, sender: Credentials | None) -> None:
                 (psid.SPAT, spat.encode(crossing_spat(time_stamp_s=12.3 + now))),
             )
         ]
-        inputs = (fix, *(ReceivedWsm(now, wsm) for wsm in wsms))
+        inputs: list[Input] = [fix, *(ReceivedWsm(now, wsm) for wsm in wsms)]
         events += map(as_trace_record, stack.step(inputs, now).events)
     return events
 
 
-def of_kind(
-    events: map, kind: str
-) -> (
-    list[dict[str, float | list[str] | str]]
-    | list[dict[str, float | RejectionReason | str]]
-    | list[dict[str, float | str]]
-):
+def of_kind(events: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
     return [each for each in events if each["kind"] == kind]
 
 
@@ -93,7 +88,7 @@ def test_without_keys_an_unsigned_unit_is_believed() -> None:
 
 def test_a_map_of_another_town_is_discarded_with_its_reason() -> None:
     far = crossing_map()
-    (crossing,) = far.intersections
+    (crossing,) = intersections_of(far)
     far = replace(far, intersections=(replace(crossing, ref_point=ReferencePoint(43.0, -83.0)),))
     stack = vehicle(None)
     stack.step((Position(0.0, 42.0, -83.0006, None, 0.5, 10.0, np.pi / 2),), 0.0)

@@ -121,7 +121,7 @@ def test_a_speed_that_freezes_while_the_receiver_moves_on_is_lost_until_it_chang
     for step in range(60):
         now = step / 10
         bus_m_s = 14.0 if now < 4.0 else 5.0
-        seen = [
+        seen: list[Input] = [
             Position(now, 48.0, 11.0, None, 1.0, 14.0 if now < 1.0 else 5.0, 0.0),
             Speed(now, bus_m_s, KM_H, "obd:7E8"),
         ]
@@ -197,7 +197,7 @@ def test_with_a_detector_only_its_detections_are_shared_and_not_those_by_plates(
     stack = Stack(config, config.sensors(), np.random.default_rng(1), now=0.0, utc_s=0.0)
     for k in range(20):
         now = k / 10
-        inputs = [
+        inputs: list[Input] = [
             Position(now, 48.1, 11.5, None, 0.5, 10.0, 0.0),
             VehicleDetection(now, 1, 50.0, 0.5, 0.4, 0.01),
             DetectionList(now, (VehicleDetection(now, 1, 20.0, 0.5, 0.0, 0.01),)),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.core import Core
 from onboard.messages.bsm import BasicSafetyMessage
@@ -13,14 +14,14 @@ from onboard.security.pseudonyms import Pseudonyms
 from onboard.settings import parse_settings
 from onboard.trace.trace_line import Event
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.vehicle import SentMessage, Vehicle
+from onboard.vehicle.vehicle import ObservationSource, SentMessage, Vehicle
 from tests.leads import known_lead
 
 UTC_S = 1_700_000_100.0
 AHEAD, BEHIND = "AAA1", "BBB2"
 
 
-def vehicle(plate: str, bus: Core | None = None) -> Vehicle:
+def vehicle(plate: str, bus: ObservationSource | None = None) -> Vehicle:
     security = {"plate_digest": {"scrypt_log2_n": 1}}
     config = parse_settings({"car": {"plate": plate}, "security": security}, CarConfig, plate)
     rng = np.random.default_rng(len(plate))
@@ -100,9 +101,11 @@ def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:
         def __init__(self) -> None:
             self.speeds: list[Speed] = []
 
+        @override
         def handle_timer(self, now: float) -> None:
             self.speeds.append(Speed(now, 15.0, 0.28, "test"))
 
+        @override
         def next_event(self) -> Speed | None:
             return self.speeds.pop() if self.speeds else None
 
@@ -117,7 +120,9 @@ def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:
 def test_its_position_is_the_last_of_its_receiver() -> None:
     one = vehicle(AHEAD)
     assert one.position is None
-    for latitude_deg in (48.0, 48.1):
-        fix = Position(0.0, latitude_deg, 11.0, None, 1.0, 14.0, 0.0)
+    first, last = (
+        Position(0.0, north_deg, 11.0, None, 1.0, 14.0, 0.0) for north_deg in (48.0, 48.1)
+    )
+    for fix in (first, last):
         one.receive_observation(fix, 0.0)
-    assert one.position == fix
+    assert one.position == last

@@ -2,9 +2,11 @@
 
 import pytest
 
+from onboard.lcca.events import WarningRaised
 from onboard.observations import HardBrake
 from onboard.tools.test_ca.authority import make_pseudonyms
 from tests.security.trial import BSM, ISSUING, LCCA, UTC_S, VALID, new_key
+from tests.typed import every
 from tests.vehicle.platoon import Platoon, car
 
 CARS = 24
@@ -38,7 +40,7 @@ def test_in_a_chain_of_24_with_clocks_a_second_apart_all_are_warned() -> None:
     brake(platoon, "CAR00")
 
     for i in range(1, CARS):
-        (warning,) = platoon.events_of(f"CAR{i:02d}", "warning")
+        (warning,) = every(WarningRaised, platoon.events_of(f"CAR{i:02d}", "warning"))
         assert warning.hops == i
         assert warning.age_s == pytest.approx(warning.stamp_s - braked_at + 0.001 * i, abs=0.005)
 

@@ -5,6 +5,7 @@ import shutil
 import socket
 import struct
 import subprocess
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from onboard.wave_udp import capture
 from onboard.wave_udp.capture import CaptureError, Packet, PcapWriter, is_capture, read_capture
 from onboard.wave_udp.wsmp import Element, WaveShortMessage, encode
+from tests.typed import a
 
 LUA = Path(capture.__file__).with_name("wsm_udp.lua")
 SENDER = bytes.fromhex("02c0ffee0001")
@@ -40,7 +42,7 @@ WSMS = [
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 
 
-def write_pcap(path: Path, frames: list[bytes] | map) -> Path:
+def write_pcap(path: Path, frames: Iterable[bytes]) -> Path:
     with path.open("wb") as file:
         writer = PcapWriter(file)
         for number, frame in enumerate(frames):
@@ -48,11 +50,9 @@ def write_pcap(path: Path, frames: list[bytes] | map) -> Path:
     return path
 
 
-def tshark(
-    path: Path, *options: str
-) -> list[dict[str, list[dict[str, Any | str]] | list[dict[str, str]] | list[str]]]:
+def tshark(path: Path, *options: str) -> list[dict[str, list[Any]]]:
     """Return the fields that tshark decodes of each packet, as `{field: [value, ...]}`."""
-    command = ["tshark", "-n", "-r", path, "-T", "json", "--no-duplicate-keys", *options]
+    command = ["tshark", "-n", "-r", str(path), "-T", "json", "--no-duplicate-keys", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     return [gather(packet["_source"]["layers"], {}) for packet in json.loads(done.stdout)]
 
@@ -162,7 +162,7 @@ def ethernet_udp(content: bytes) -> bytes:
 
 
 def pcap_of(
-    frames: list[bytes] | map,
+    frames: Iterable[bytes],
     link_type: int = 1,
     order: str = "<",
     magic: int = 0xA1B2C3D4,
@@ -174,7 +174,7 @@ def pcap_of(
     return data
 
 
-def messages(data: bytes) -> list[bytes | None] | None:
+def messages(data: bytes) -> list[bytes | None]:
     return [packet.message for packet in read_capture(data)]
 
 
@@ -265,7 +265,9 @@ def test_a_wsm_is_found_in_each_kind_of_802_11_frame(link_type: int, frame: byte
 @pytest.mark.long
 @needs_tshark
 @pytest.mark.parametrize(("link_type", "frame"), WLAN_FRAMES.values(), ids=WLAN_FRAMES)
-def test_tshark_finds_the_wsm_in_the_same_802_11_frame(tmp_path: Path, link_type, frame) -> None:
+def test_tshark_finds_the_wsm_in_the_same_802_11_frame(
+    tmp_path: Path, link_type: int, frame: bytes
+) -> None:
     path = tmp_path / "wlan.pcap"
     path.write_bytes(pcap_of([frame], link_type))
     (fields,) = tshark(path)
@@ -341,7 +343,7 @@ def test_pcapng_with_any_byte_order_and_clock(
     )  # fmt: skip
     (packet,) = read_capture(data)
     assert packet.utc_s == pytest.approx(UTC_S)
-    assert packet.message.startswith(WSM)
+    assert a(bytes, packet.message).startswith(WSM)
 
 
 @pytest.mark.parametrize(

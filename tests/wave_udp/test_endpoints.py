@@ -35,7 +35,7 @@ def unit() -> Iterator[socket.socket]:
 def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
-        return wire.getsockname()[1]
+        return int(wire.getsockname()[1])
 
 
 def iwcu(unit_port: int, listen_port: int) -> IwcuSettings:
@@ -142,15 +142,22 @@ def test_an_unreachable_unit_does_not_stop_sending(free_port: int) -> None:
     assert asyncio.run(talk()) == WSM
 
 
-@pytest.mark.parametrize(("kind", "endpoint"), [(IwcuSettings, "iwcu"), (Rsu41Settings, "rsu41")])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        IwcuSettings(endpoint="iwcu", unit_port=9, listen_port=1),
+        Rsu41Settings(endpoint="rsu41", unit_port=9, listen_port=1),
+    ],
+    ids=lambda each: each.endpoint,
+)
 def test_an_unreachable_unit_is_reported_once_a_datagram(
-    kind: type[IwcuSettings] | type[Rsu41Settings], endpoint: str, free_port: int
+    settings: IwcuSettings | Rsu41Settings, free_port: int
 ) -> None:
     """An ICMP error wakes the loop once, not again and again."""
-    settings = kind(endpoint=endpoint, unit_port=9, listen_port=free_port)
+    settings = settings.model_copy(update={"listen_port": free_port})
 
-    async def talk() -> tuple[list[str], int] | None:
-        reports = asyncio.Queue()
+    async def talk() -> tuple[list[str], int]:
+        reports = asyncio.Queue[str]()
         loop = asyncio.get_running_loop()
         with contextlib.closing(open_endpoint(settings, print, reports.put_nowait)) as wire:
             wire.start(loop)
@@ -168,10 +175,14 @@ def test_an_unreachable_unit_is_reported_once_a_datagram(
 
 
 def test_no_callback_comes_after_close(free_port: int) -> None:
-    async def talk() -> list[bytes] | None:
-        got = []
-        endpoint = open_endpoint(iwcu(9, free_port), lambda data: (got.append(data), close()))
-        close = endpoint.close
+    async def talk() -> list[bytes]:
+        got = list[bytes]()
+
+        def receive(data: bytes) -> None:
+            got.append(data)
+            endpoint.close()
+
+        endpoint = open_endpoint(iwcu(9, free_port), receive)
         endpoint.start(asyncio.get_running_loop())
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unit:
             for _ in range(3):
