@@ -24,8 +24,8 @@ from onboard.risk.settings import RiskSettings
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.tracking.tracks import TrackingParameters
-from sim_rig.studies.mvs.bsms import TICK_S
 from sim_rig.studies.mvs.roads import SPEED_M_S, SixLaneRoad
+from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld, WorldSettings
 
 TICKS, WARM, ROUNDS = 20, 10, 10
@@ -108,8 +108,9 @@ def _inputs(settings: MvsSettings, tracking: TrackingParameters) -> list[list[Ca
     reach = WorldSettings(reach_m=1000.0)
     world = MvsWorld(traffic, equipped, reach, settings, seed=1, tracking=tracking)
     world.tick()
-    recorder = _InputRecorder(world.cores[own], world)
-    world.cores[own] = recorder  # type: ignore[assignment]
+    sharing = world.cars[own].sharing
+    recorder = _InputRecorder(sharing.mvs, world)
+    sharing.mvs = recorder  # type: ignore[assignment]
     inputs = []
     for _ in range(TICKS):
         world.tick()

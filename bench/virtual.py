@@ -13,9 +13,9 @@ import numpy as np
 from bench import Figure
 from onboard.mvs.settings import MvsSettings, SensingSettings
 from onboard.risk.settings import RiskSettings
-from sim_rig.studies.mvs.bsms import TICK_S
 from sim_rig.studies.mvs.driver_warning import WarningModel
 from sim_rig.studies.mvs.roads import LANES_M, SixLaneRoad
+from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
 from sim_rig.studies.soak.fleet import resident_bytes
 
@@ -55,13 +55,15 @@ def _car_seconds_per_s(cars: int, *, with_mvs: bool) -> tuple[float, int]:
     began = time.process_time()
     for _ in range(TICKS):
         world.tick()
-        for name, core in world.cores.items():
+        for name, car in world.cars.items():
+            core, model = car.sharing.mvs, models[name]
             core.update(world.now)
             objects = core.kinematic_info(world.now)
-            own = core.host_vehicle(world.now)
-            models[name].receive_speed(world.bsm_sources[name].speeds[-1])
-            for message in world.received.get(name, ()):
-                models[name].receive_bsm(message, world.now)
-            models[name].assess(world.fixes[name], own, objects, world.now)
+            for observation in car.observations:
+                model.receive_observation(observation, world.now)
+            for message in car.received:
+                model.receive_bsm(message, world.now)
+            own, heading = core.host_vehicle(world.now), core.heading(world.now)
+            model.assess(own, objects, world.now, heading)
     took_s = time.process_time() - began
     return len(names) * TICKS * TICK_S / took_s, resident_bytes()

@@ -3,8 +3,6 @@
 Both ways meet here: what the sensors measure goes out, and what others send comes in.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
@@ -126,14 +124,14 @@ class SharedSensing:
         self.transmitter.receive_remote_vehicle(sender, position, now)
         return is_used
 
-    def messages(self, now: float) -> Iterator[BasicSafetyMessage | SensorDataSharingMessage]:
-        """Yield the BSM at `now`, due or not, and the SDSM that goes with it, if there is one."""
+    def bsm(self, now: float) -> BasicSafetyMessage:
+        """Return the BSM at `now`, due or not."""
         footer = None
         if self._shared_in is not SharedIn.SDSM:
             footer = self.mvs.footer_to_send(now) or None
         utc_s = now + self._utc_offset_s
-        yield self.transmitter.bsm(footer, now, utc_s, self.heading_rad(now))
-        if self._shared_in is not SharedIn.FOOTER:
-            shared = self.mvs.sdsm_to_send(now)
-            if shared is not None:
-                yield shared
+        return self.transmitter.bsm(footer, now, utc_s, self.heading_rad(now))
+
+    def sdsm(self, now: float) -> SensorDataSharingMessage | None:
+        """Return the SDSM that goes with the BSM at `now`; `None` if there is nothing to share."""
+        return None if self._shared_in is SharedIn.FOOTER else self.mvs.sdsm_to_send(now)

@@ -351,7 +351,9 @@ class Vehicle(Core):
         """Return the messages that are due, those of LCCA first, in the order of sending."""
         messages: list[SentMessage] = [*self._lcca.messages_to_send(now)]
         if self._config.beacons and self._sharing.transmitter.take_due(now):
-            messages += self._sharing.messages(now)
+            messages.append(self._sharing.bsm(now))
+            if (shared := self._sharing.sdsm(now)) is not None:
+                messages.append(shared)
         return messages
 
     # ---- between the cores ----------------------------------------------------------------

@@ -146,7 +146,7 @@ def _compare(world: MvsWorld, measured: dict[str, list[Measurement]], result: Ac
     cars = world.traffic.cars_at(world.now)
     limits = _limits(world, measured, now_ms)
     fresh = [car for car in limits if now_ms - measured[car][-1].stamp_ms <= FRESH_MS]
-    for own in world.cores:
+    for own in world.cars:
         here = cars.middle_m[cars.names.index(own)]
         in_reach = np.hypot(*(cars.middle_m - here).T) < world.settings.reach_m
         present = {car: limits[car] for car in fresh if in_reach[cars.names.index(car)]}
@@ -174,8 +174,9 @@ def _compare_tracks(
     states = states_of(cars)
     to_world = ORIGIN.mapping_from(world.frame_of(own))
     matched: set[str] = set()
-    world.cores[own].update(world.now)
-    for track in world.cores[own].reported_tracks():
+    core = world.cars[own].sharing.mvs
+    core.update(world.now)
+    for track in core.reported_tracks():
         mvs = use_all([piece.mapped(*to_world) for piece in track.used], now_ms, Q)
         away_m = np.hypot(*(states[:, :2] - mvs[0][:2]).T)
         nearest = int(away_m.argmin())

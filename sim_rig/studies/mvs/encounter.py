@@ -1,10 +1,8 @@
 """One traffic event among many cars: which drivers are warned in time, and whether cars crash."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -12,26 +10,21 @@ from pydantic import Field
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
-from onboard.observations import Lead
-from onboard.risk.alarm import RELEASE_S, Cause
 from onboard.risk.settings import RiskSettings
 from onboard.settings import Settings
-from onboard.tracking.perceived_object import PerceivedObject
-from sim_rig.cars.brake_controller import BRAKE_DELAY_S
-from sim_rig.roads.cars import Array, Cars
+from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.mvs.bsms import TICK_S
-from sim_rig.studies.mvs.driver_warning import DriverWarning, WarningModel
+from sim_rig.studies.mvs.equipped_cars import EquippedCars, IssuedWarning
 from sim_rig.studies.mvs.events import SampledEvent, event_sample
 from sim_rig.studies.mvs.lcca import LccaFleet, LccaRadio
-from sim_rig.studies.mvs.outcomes import SAME_POSITION_M, CrashOutcome, CrashPair
-from sim_rig.studies.mvs.paper_alarm import paper_alarm
+from sim_rig.studies.mvs.outcomes import CrashPair, EncounterOutcome
 from sim_rig.studies.mvs.profiles import WorldProfile
+from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource
 from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
 
@@ -105,52 +98,6 @@ class EncounterCase:
     """Whether each car of the crash without radios has one; None: as drawn, like all others."""
 
 
-@dataclass(slots=True)
-class EncounterOutcome:
-    """Result of one run."""
-
-    of: SampledEvent
-    crash: Crash | None = None
-    crash_outcome: CrashOutcome | None = None
-    """What radios change about the crash without radios; None if there is no such crash."""
-    known_before_s: float | None = None
-    """Time to that crash when a car that could act first perceived the other."""
-    warned_before_s: float | None = None
-    """Time to that crash when such a car was first warned."""
-    first_warning_s: float | None = None
-    """Time from the event to the first warning of a car that the event affected."""
-    warned: int = 0
-    """Warnings of cars that the event affected."""
-    false_warnings: int = 0
-    """Warnings of cars that the event did not affect, or of no car."""
-    paper_alarm_crash: Crash | None = None
-    """The crash of the same event if drivers reacted to the paper's true alarms."""
-    paper_alarm_same_pair: bool = False
-    """Whether the same two cars crash then as without radios."""
-    paper_alarm_before_s: float | None = None
-    """Time from the paper's first alarm to the crash without radios."""
-    paper_alarm_false: int = 0
-    """The paper's alarms of cars that the event did not affect, or of no car."""
-    driven_s: float = 0.0
-    """Driving time of all cars with a radio, summed."""
-    messages: int = 0
-
-
-class IssuedWarning(NamedTuple):
-    """A warning of a driver."""
-
-    warned: str
-    """Name of the car."""
-    cause: Cause
-    of: str
-    """Name of the perceived object, or of the vehicle of the warning group; empty for the vehicle
-    ahead of the camera."""
-    position_m: Array
-    """(2) of that vehicle, as the warned car takes it."""
-    right: bool
-    """Whether the event has changed the motion of one of the two."""
-
-
 RadioTickObserver = Callable[[MvsWorld, DisturbedTraffic, list[IssuedWarning]], None]
 """Called after each tick with radios."""
 
@@ -200,18 +147,23 @@ class Encounters:
         pair = None if before is None else CrashPair(before, _can_act(before, of))
         if case.method is Method.ONSET:
             if before is not None and pair is not None:
-                warned_at_s = event.at_s + self._settings.onset_delay_s
-                for name in equipped:
-                    pair.receive_warning(name, warned_at_s)
-                warned = {name: warned_at_s for name in equipped if pair.can_act(name)}
-                outcome.crash = self._run_with_warnings(case, seed, before, warned)
+                outcome.crash = self._run_oracle(case, seed, before, pair, equipped)
                 outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
             return outcome
         world = self._world(case, seed, traffic, equipped)
         lcca = self._lcca(case, seed, world)
         if lcca is not None:
             lcca.form(of.recording, world.now)
-        equipped_cars = _EquippedCars(self._settings, world, traffic, outcome, pair, lcca=lcca)
+        equipped_cars = EquippedCars(
+            world,
+            traffic,
+            outcome,
+            pair,
+            lcca,
+            risk=self._settings.risk,
+            brake_request=self._settings.brake_request,
+            paper_alarm_horizon_s=self._settings.paper_alarm_horizon_s,
+        )
         while world.now < event.at_s + self._settings.watched_s and traffic.crash is None:
             warnings = equipped_cars.tick()
             if on_radio_tick is not None:
@@ -225,6 +177,16 @@ class Encounters:
             outcome.paper_alarm_crash = again
             outcome.paper_alarm_same_pair = again is not None and pair.is_same_pair(again)
         return outcome
+
+    def _run_oracle(
+        self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair, equipped: set[str]
+    ) -> Crash | None:
+        """Let an oracle warn who can avoid the crash `before` and has a radio; return the crash."""
+        warned_at_s = self.event(case.kind, seed).event.at_s + self._settings.onset_delay_s
+        for name in equipped:
+            pair.receive_warning(name, warned_at_s)
+        warned = {name: warned_at_s for name in equipped if pair.can_act(name)}
+        return self._run_with_warnings(case, seed, before, warned)
 
     def without_radios(self, case: EncounterCase, seed: int) -> tuple[Crash | None, bool]:
         """The crash without radios, and whether no car with a radio could avoid it."""
@@ -334,178 +296,6 @@ def _can_act(crash: Crash, of: SampledEvent) -> tuple[str, ...]:
     """The cars of a crash whose drivers can avoid it: not the one that brakes and is hit."""
     brakes = of.recording.drives[of.event.car].name if of.event.deceleration_m_s2 else None
     return tuple(name for name in crash.names if name != brakes)
-
-
-class _EquippedCars:
-    """The cars with a radio: which of them is warned in each tick, and whether rightly."""
-
-    def __init__(
-        self,
-        settings: EncounterSettings,
-        world: MvsWorld,
-        traffic: DisturbedTraffic,
-        outcome: EncounterOutcome,
-        pair: CrashPair | None,
-        *,
-        lcca: LccaFleet | None,
-    ) -> None:
-        """Prepare a run.
-
-        Args:
-            settings: of all runs.
-            world: cars with a radio, and their cores.
-            traffic: all cars, with the event.
-            outcome: result, which is updated in each tick.
-            pair: the cars of the crash without radios; None if there is none.
-            lcca: of the cars; None if they have none.
-        """
-        self._settings = settings
-        self._lcca = lcca
-        self._world = world
-        self._traffic = traffic
-        self._outcome = outcome
-        self._pair = pair
-        self._models: dict[str, WarningModel] = {}
-        self._warnings = _OngoingWarnings(RELEASE_S)
-        self._paper_alarm = _OngoingWarnings(RELEASE_S)
-
-    def tick(self) -> list[IssuedWarning]:
-        """Simulate one tick; returns the warnings that are active in it."""
-        world = self._world
-        before = self._traffic.cars_at(world.now)
-        world.tick()
-        self._run_lcca(before)
-        self._outcome.messages += len(world.sent)
-        self._outcome.driven_s += TICK_S * len(world.cores)
-        cars = self._traffic.cars_at(world.now)
-        warnings: list[IssuedWarning] = []
-        for name, core in world.cores.items():
-            at = cars.index(name)
-            if at is None:
-                continue
-            core.update(world.now)
-            own, objects = core.host_vehicle(world.now), core.kinematic_info(world.now)
-            self._evaluate_paper_alarm(own, objects, cars, at)
-            if self._pair is not None and self._pair.can_act(name):
-                positions_m = np.array([world.world_position_m(name, car.state) for car in objects])
-                self._pair.receive_perceived(name, positions_m, cars)
-            model = self._model(cars, at)
-            model.receive_speed(world.bsm_sources[name].speeds[-1])
-            for message in world.received.get(name, ()):
-                model.receive_bsm(message, world.now)
-            self._hand_over_reports(name, model)
-            active = model.assess(world.fixes[name], own, objects, world.now)
-            for request in model.take_brake_requests():
-                begin_s = request.stamp_s + BRAKE_DELAY_S
-                until_s = begin_s + request.valid_s
-                self._traffic.brake(name, begin_s, until_s, request.deceleration_m_s2)
-            for warning in active:
-                warnings.append(self._issued(cars, at, warning))
-                self._warn(name, right=warnings[-1].right)
-        return warnings
-
-    def _run_lcca(self, before: Cars) -> None:
-        """Run the warning groups during the tick that began with the cars as in `before`."""
-        if self._lcca is not None:
-            for name, source in self._world.bsm_sources.items():
-                for brake in source.hard_brakes:
-                    self._lcca.receive_hard_brake(name, brake)
-            self._lcca.drive(before, self._world.now)
-
-    def _hand_over_reports(self, name: str, model: WarningModel) -> None:
-        """Let the alarms of a car have what its plate camera and its warning group say."""
-        for now, report in [] if self._lcca is None else self._lcca.take_reports(name):
-            if isinstance(report, Lead):
-                model.receive_lead(report, now)
-            else:
-                model.receive_group_warning(report, now)
-
-    def _issued(self, cars: Cars, at: int, warning: DriverWarning) -> IssuedWarning:
-        """Place a warning of the car at index `at` on the plane."""
-        name, of = cars.names[at], warning.of
-        if isinstance(of, PerceivedObject):
-            target, position_m = of.name, self._world.world_position_m(name, of.state)
-        elif isinstance(of, Lead):
-            gap_m = (of.gap_m or 0.0) + float(cars.length_m[at])  # taken to be as long as this one
-            target, position_m = "", cars.middle_m[at] + gap_m * cars.ahead[at]
-        else:
-            assert self._lcca is not None  # noqa: S101 (it has warned)
-            target = self._lcca.name_of(of.origin_id)
-            there = cars.index(target)
-            position_m = cars.middle_m[at if there is None else there]
-        return IssuedWarning(
-            name, warning.cause, target, position_m, self._is_right(cars, name, position_m)
-        )
-
-    def _model(self, cars: Cars, at: int) -> WarningModel:
-        name = cars.names[at]
-        if name not in self._models:
-            self._models[name] = WarningModel(
-                self._settings.risk, *_size_m(cars, at), self._settings.brake_request
-            )
-            for speed in list(self._world.bsm_sources[name].speeds)[:-1]:
-                self._models[name].receive_speed(speed)
-        return self._models[name]
-
-    def _warn(self, name: str, *, right: bool) -> None:
-        now, outcome = self._world.now, self._outcome
-        self._traffic.warn(name, now)
-        if right and self._pair is not None:
-            self._pair.receive_warning(name, now)
-        if not self._warnings.refresh(name, now):
-            return
-        if not right:
-            outcome.false_warnings += 1
-            return
-        outcome.warned += 1
-        if outcome.first_warning_s is None:
-            outcome.first_warning_s = round(now - outcome.of.event.at_s, 3)
-
-    def _evaluate_paper_alarm(
-        self, own: PerceivedObject | None, objects: list[PerceivedObject], cars: Cars, at: int
-    ) -> None:
-        """Count the paper's alarm for one driver, and whether it is true."""
-        least_m_s, within_s = (
-            self._settings.risk.least_speed_m_s,
-            self._settings.paper_alarm_horizon_s,
-        )
-        if own is None or cars.speed_m_s[at] < least_m_s:
-            return
-        target = paper_alarm(own, objects, _size_m(cars, at), within_s)
-        if target is None:
-            return
-        name, now = cars.names[at], self._world.now
-        right = self._is_right(cars, name, self._world.world_position_m(name, target.state))
-        if right and self._pair is not None:
-            self._pair.receive_paper_alarm(name, now)
-        self._outcome.paper_alarm_false += self._paper_alarm.refresh(name, now) and not right
-
-    def _is_right(self, cars: Cars, name: str, target_m: Array) -> bool:
-        """Whether the event has changed the motion of a warned car or of the one at `target_m`."""
-        if self._traffic.has_moved(name):
-            return True
-        away_m = np.hypot(*(cars.middle_m - target_m).T)
-        nearest = int(away_m.argmin())
-        is_matched = away_m[nearest] < SAME_POSITION_M
-        return bool(is_matched and self._traffic.is_disturbed(cars.names[nearest]))
-
-
-class _OngoingWarnings:
-    """Drivers with an active warning; one ends after `release_s` without a repetition."""
-
-    def __init__(self, release_s: float) -> None:
-        self._release_s = release_s
-        self._until: dict[str, float] = {}
-
-    def refresh(self, name: str, now: float) -> bool:
-        """Refresh a driver's warning; returns whether it is a new one."""
-        is_new = now >= self._until.get(name, -math.inf)
-        self._until[name] = now + self._release_s
-        return is_new
-
-
-def _size_m(cars: Cars, at: int) -> tuple[float, float]:
-    return float(cars.length_m[at]), float(cars.width_m[at])
 
 
 def _mvs(case: EncounterCase) -> MvsSettings:

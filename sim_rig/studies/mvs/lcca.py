@@ -32,7 +32,7 @@ from sim_rig.studies.lcca.study_lcca import (
     study_lcca,
     take_warnings,
 )
-from sim_rig.studies.mvs.bsms import TICK_S
+from sim_rig.studies.mvs.sampled_bus import TICK_S
 
 FORMING_S = 4.0
 """Time before MVS begins in which cars drive behind each other and warning groups form."""

@@ -1,12 +1,14 @@
 """Outcome of a crash when cars have radios: it is avoided, or the reason why it still happens."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.roads.crashes import Crash
+from sim_rig.studies.mvs.events import SampledEvent
 
 SAME_POSITION_M = 4.0
 """A perceived object is the car whose true position is no farther than this from its estimate."""
@@ -26,6 +28,37 @@ class CrashOutcome(StrEnum):
     ANOTHER = "another"
     """These two cars do not crash, but others do."""
     AVOIDED = "avoided"
+
+
+@dataclass(slots=True)
+class EncounterOutcome:
+    """Result of one run."""
+
+    of: SampledEvent
+    crash: Crash | None = None
+    crash_outcome: CrashOutcome | None = None
+    """What radios change about the crash without radios; None if there is no such crash."""
+    known_before_s: float | None = None
+    """Time to that crash when a car that could act first perceived the other."""
+    warned_before_s: float | None = None
+    """Time to that crash when such a car was first warned."""
+    first_warning_s: float | None = None
+    """Time from the event to the first warning of a car that the event affected."""
+    warned: int = 0
+    """Warnings of cars that the event affected."""
+    false_warnings: int = 0
+    """Warnings of cars that the event did not affect, or of no car."""
+    paper_alarm_crash: Crash | None = None
+    """The crash of the same event if drivers reacted to the paper's true alarms."""
+    paper_alarm_same_pair: bool = False
+    """Whether the same two cars crash then as without radios."""
+    paper_alarm_before_s: float | None = None
+    """Time from the paper's first alarm to the crash without radios."""
+    paper_alarm_false: int = 0
+    """The paper's alarms of cars that the event did not affect, or of no car."""
+    driven_s: float = 0.0
+    """Driving time of all cars with a radio, summed."""
+    messages: int = 0
 
 
 class CrashPair:

@@ -1,6 +1,7 @@
 """The road on which the accuracy of MVS is measured: cars move as the filter's model assumes."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from typing_extensions import override
@@ -10,6 +11,8 @@ from sim_rig.roads.cars import Array, Cars, Traffic
 LANES_M = (-10.5, -6.5, -2.5, 2.5, 6.5, 10.5)
 STEP_S = 0.01
 SPEED_M_S = 12.0
+Deviations = tuple[Array, Array]
+"""In position and speed, (steps, cars) each."""
 
 
 class SixLaneRoad(Traffic):
@@ -18,6 +21,8 @@ class SixLaneRoad(Traffic):
     A spring and a damper limit the deviation: the acceleration along the lane is -0.25 x - 0.7 v +
     noise of density q, with x the deviation from the position and v that from 12 m/s.
     """
+
+    lanes_m: Sequence[float] = LANES_M
 
     def __init__(
         self,
@@ -36,32 +41,38 @@ class SixLaneRoad(Traffic):
             q: density of the acceleration noise, m^2/s^3.
             rng: source of offsets and noise.
         """
-        n = len(LANES_M) * cars_per_lane
+        n = len(self.lanes_m) * cars_per_lane
         self.names = tuple(f"car{number}" for number in range(n))
-        self._direction = np.repeat([1.0 if y < 0 else -1.0 for y in LANES_M], cars_per_lane)
-        offsets = np.repeat(rng.uniform(0.0, spacing_m, len(LANES_M)), cars_per_lane)
+        self._direction = np.repeat([1.0 if y < 0 else -1.0 for y in self.lanes_m], cars_per_lane)
+        offsets = np.repeat(rng.uniform(0.0, spacing_m, len(self.lanes_m)), cars_per_lane)
         positions = np.tile(
-            (np.arange(cars_per_lane) - cars_per_lane / 2) * spacing_m, len(LANES_M)
+            (np.arange(cars_per_lane) - cars_per_lane / 2) * spacing_m, len(self.lanes_m)
         )
-        self._positions, self._lanes = positions + offsets, np.repeat(LANES_M, cars_per_lane)
-        start = np.stack([rng.normal(0, 1.5, n), rng.normal(0, 0.9, n)])
-        self._deviation_m, self._speeds = _deviations(
-            start, duration_s, q, rng, spring=0.25, damper=0.7
-        )
-        self._across = self._deviation_m * 0.0, self._speeds * 0.0
+        self._positions, self._lanes = positions + offsets, np.repeat(self.lanes_m, cars_per_lane)
+        self._along, self._across = self._deviations(n, duration_s, q, rng)
+
+    def _deviations(
+        self, cars: int, duration_s: float, q: float, rng: np.random.Generator
+    ) -> tuple[Deviations, Deviations]:
+        """Deviations along the road, and across it, where there are none."""
+        start = np.stack([rng.normal(0, 1.5, cars), rng.normal(0, 0.9, cars)])
+        along_m, along_m_s = _noisy_motion(start, duration_s, q, rng, spring=0.25, damper=0.7)
+        return (along_m, along_m_s), (along_m * 0.0, along_m_s * 0.0)
 
     @override
     def cars_at(self, at_s: float) -> Cars:
         """All cars of the road."""
         step = round(at_s / STEP_S)
-        along = SPEED_M_S * step * STEP_S + self._deviation_m[step]
+        along_m, along_m_s = (deviation[step] for deviation in self._along)
         across_m, across_m_s = (deviation[step] for deviation in self._across)
-        along_m_s = SPEED_M_S + self._speeds[step]
+        along_m, along_m_s = SPEED_M_S * step * STEP_S + along_m, SPEED_M_S + along_m_s
         n = len(self.names)
         return Cars(
             at_s,
             self.names,
-            np.stack([self._direction * (self._positions + along), self._lanes + across_m], axis=1),
+            np.stack(
+                [self._direction * (self._positions + along_m), self._lanes + across_m], axis=1
+            ),
             np.arctan2(across_m_s, self._direction * along_m_s),
             np.hypot(along_m_s, across_m_s),
             np.zeros(n),
@@ -73,34 +84,22 @@ class SixLaneRoad(Traffic):
 class FreeCars(SixLaneRoad):
     """Cars without spring and damper: they deviate without limit, along the road and across it.
 
-    This is not realistic traffic, but it is exactly the motion model of the filter.
+    This is not realistic traffic, but it is exactly the motion model of the filter. Lanes are three
+    times as wide, since cars leave them.
     """
 
-    def __init__(
-        self,
-        cars_per_lane: int,
-        spacing_m: float,
-        duration_s: float,
-        q: float,
-        rng: np.random.Generator,
-    ) -> None:
-        """Compute the trajectories; lanes are three times as wide, since cars leave them.
+    lanes_m = tuple(3.0 * lane_m for lane_m in LANES_M)
 
-        Args:
-            cars_per_lane: number of cars in each of the six lanes.
-            spacing_m: distance between the first positions of two cars of a lane.
-            duration_s: last time that `cars_at` accepts.
-            q: density of the acceleration noise, m^2/s^3.
-            rng: source of offsets and noise.
-        """
-        super().__init__(cars_per_lane, spacing_m, duration_s, q, rng)
-        self._lanes = 3.0 * self._lanes
-        no_deviation = np.zeros((2, len(self.names)))
-        self._deviation_m, self._speeds = _deviations(no_deviation, duration_s, q, rng)
-        self._across = _deviations(no_deviation, duration_s, q, rng)
+    @override
+    def _deviations(
+        self, cars: int, duration_s: float, q: float, rng: np.random.Generator
+    ) -> tuple[Deviations, Deviations]:
+        """Deviations along the road, and across it."""
+        start = np.zeros((2, cars))
+        return _noisy_motion(start, duration_s, q, rng), _noisy_motion(start, duration_s, q, rng)
 
 
-def _deviations(
+def _noisy_motion(
     start: Array,
     duration_s: float,
     q: float,
@@ -108,7 +107,7 @@ def _deviations(
     *,
     spring: float = 0.0,
     damper: float = 0.0,
-) -> tuple[Array, Array]:
+) -> Deviations:
     """Deviations in position and speed of N cars under white acceleration noise, a row each step.
 
     `start` (2, N) is the first row of either.

@@ -128,13 +128,14 @@ def run(settings: SharingSettings, case: SharingCase) -> SharingRow:
     for _ in range(round(settings.measured_s / 0.1)):
         world.tick()
         counts.count_received(world)
-        counts.count_selected(world.cores.values(), world.now, rng)
+        cores = (car.sharing.mvs for car in world.cars.values())
+        counts.count_selected(cores, world.now, rng)
     return SharingRow(
         method=case.method,
         entries=case.entries,
         share=case.share,
         seed=case.seed,
-        cars_with_radio=len(world.cores),
+        cars_with_radio=len(world.cars),
         different=_mean(counts.different),
         reused_in_states=counts.reused_in_states,
         selected_mvs=_mean(counts.selected["mvs"]),
@@ -160,7 +161,7 @@ class _Counts:
     def count_received(self, world: MvsWorld) -> None:
         """Count the different MEs about cars without a radio that each car received in a tick."""
         cars = world.traffic.cars_at(world.now)
-        received: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cores}
+        received: dict[str, set[tuple[str, Provenance]]] = {name: set() for name in world.cars}
         for sent in world.sent:
             content = _content(sent.entries, cars, world)
             for receiver in sent.receivers:

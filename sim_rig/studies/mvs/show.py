@@ -16,15 +16,10 @@ from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import Trajectory
 from sim_rig.studies.campaigns.campaign import stored_runs
 from sim_rig.studies.mvs.collisions import CollisionRow, CollisionSettings, encounters
-from sim_rig.studies.mvs.encounter import (
-    EncounterCase,
-    EncounterOutcome,
-    Encounters,
-    IssuedWarning,
-    Method,
-)
+from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, Method
+from sim_rig.studies.mvs.equipped_cars import IssuedWarning
 from sim_rig.studies.mvs.mvs_figure9_study import STUDY
-from sim_rig.studies.mvs.outcomes import SAME_POSITION_M, CrashOutcome
+from sim_rig.studies.mvs.outcomes import SAME_POSITION_M, CrashOutcome, EncounterOutcome
 from sim_rig.studies.mvs.world import MvsWorld
 
 _SHOWN = ("mvs-figure3", "mvs-figure9")
@@ -65,12 +60,13 @@ class _StudyAnimation(Animation):
         begun_as_true = {each[0]: each[2] for each in self.frames[-1].warned} if self.frames else {}
         self.add_frame(traffic, world.now)
         cars, frame = traffic.cars_at(world.now), self.frames[-1]
-        frame.equipped = sorted(world.cores)
+        frame.equipped = sorted(world.cars)
         frame.sent = [(sent.sender, len(sent.entries)) for sent in world.sent]
         estimated_m: dict[tuple[str, str], Array] = {}
-        for name, core in world.cores.items():
-            core.update(world.now)
-            for car in core.kinematic_info(world.now):
+        for name, equipped in world.cars.items():
+            mvs = equipped.sharing.mvs
+            mvs.update(world.now)
+            for car in mvs.kinematic_info(world.now):
                 position_m = estimated_m[name, car.name] = world.world_position_m(name, car.state)
                 if (other := _car_at(cars, position_m)) is not None:
                     frame.perceived.setdefault(name, []).append((other, car.source.value))

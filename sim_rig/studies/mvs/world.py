@@ -1,6 +1,6 @@
-"""Many cars that share evidence: each car with a radio runs the MVS core of `onboard`.
+"""Many cars that share evidence: each car with a radio has the `SharedSensing` of a vehicle.
 
-The inputs of the cores are made from the true motion: fixes with noise, and detections of a ranging
+Its inputs are made from the true motion: fixes with noise, and detections of a ranging
 sensor all around, with a limited range, noise, misses, and occlusion by cars and buildings. Their
 messages reach every car in range, unless lost, or go over the 802.11p channel. Each footer is
 decoded once for all receivers.
@@ -8,33 +8,35 @@ decoded once for all receivers.
 
 import math
 from collections.abc import Iterable, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from onboard.bsm_transmission.transmitter import position_in
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.kinematics.units import KM_H
-from onboard.messages import sdsm
+from onboard.messages import bsm, sdsm
 from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.mvs.footer_coding import read
 from onboard.mvs.host_vehicle import HostVehicle
-from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
-from onboard.mvs.settings import MvsSettings, SharedIn
-from onboard.observations import Position, VehicleDetection
+from onboard.mvs.settings import MvsSettings
+from onboard.observations import HardBrake, Position, Speed, VehicleDetection
+from onboard.security.pseudonyms import Pseudonym
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
+from onboard.vehicle.shared_sensing import SharedSensing
 from sim_rig.cars.vehicle_camera import REAR_VIEW_RAD
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.sensor_settings import LensSettings
-from sim_rig.studies.mvs.bsms import TICK_S, BsmSource
+from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
 from sim_rig.studies.radio.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
@@ -70,7 +72,7 @@ class WorldSettings(Settings):
     range_rate_sigma_m_s: float | None = Field(None, gt=0.0)
     """Error of the range rate; without it none is measured."""
     plate_lens: LensSettings | None = None
-    """Lens of a camera that reads plates, with which cars run LCCA (`mvs_lcca.py`)."""
+    """Lens of a camera that reads plates, with which cars run LCCA (`mvs/lcca.py`)."""
     position_sigma_m: float = Field(0.4, gt=0.0)
     """Standard deviation of a fix, on each horizontal axis."""
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
@@ -104,16 +106,34 @@ class TrueMeasurement:
     """In the frame of `ORIGIN`."""
 
 
+@dataclass(slots=True, eq=False)
+class WorldCar:
+    """A car with a radio."""
+
+    sharing: SharedSensing
+    bus: SampledBus
+    phase_s: float
+    """Time into each tick at which it acts."""
+    observations: list[Speed | HardBrake | Position] = field(default_factory=list)
+    """Of its bus and receiver in the last tick; when it joins, also those of the time before."""
+    received: list[BasicSafetyMessage] = field(default_factory=list)
+    """The BSMs that it has received and used in the last tick."""
+
+    def receive_observation(self, observation: Speed | HardBrake | Position, now: float) -> None:
+        """Take what bus or receiver have measured."""
+        self.sharing.receive_observation(observation, now)
+        self.observations.append(observation)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sent:
-    """What a car sends in one tick."""
+    """What a car sends in one tick, as it is decoded."""
 
     sender: str
     bsm: BasicSafetyMessage
-    footer: bytes | None
-    """The footer of the BSM."""
-    sdsm: bytes | None
-    """The SDSM that is sent with it."""
+    sdsm: SensorDataSharingMessage | None
+    octets: int
+    """Of both together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,16 +184,10 @@ class MvsWorld:
         self._seed = seed
         self._rng = np.random.default_rng(seed)
         self._numbers: dict[str, int] = {}
-        self._phases: dict[str, float] = {}
-        self.cores: dict[str, MultiVehicleSensing] = {}
-        self.fixes: dict[str, Position] = {}
-        """The last fix of each car with a radio."""
-        self.bsm_sources: dict[str, BsmSource] = {}
-        """Of each car with a radio."""
-        self.received: dict[str, list[BasicSafetyMessage]] = {}
-        """The BSMs that each car has received and used in the last tick."""
+        self.cars: dict[str, WorldCar] = {}
+        """Those with a radio that are present."""
         self._reference_hosts: dict[str, HostVehicle] = {}
-        """Process the same inputs as each core, to compute the measurements that it makes; empty if
+        """Process the same inputs as each car, to compute the measurements that it makes; empty if
         these are not recorded."""
         self._records_measurements = records_measurements
         self.measurements: list[TrueMeasurement] = []
@@ -195,19 +209,21 @@ class MvsWorld:
         """Let every present car with a radio sense and send once."""
         self.measurements.clear()
         self.sent.clear()
-        self.received.clear()
+        for car in self.cars.values():
+            car.observations.clear()
+            car.received.clear()
         began = self.now
         cars = self.traffic.cars_at(began)
         if self._channel is not None:
             self._channel.place(cars)
         with_radio = [name for name in cars.names if name in self.equipped]
-        for gone in self.cores.keys() - set(with_radio):
-            del self.cores[gone], self.bsm_sources[gone]
+        for gone in self.cars.keys() - set(with_radio):
+            del self.cars[gone]
         for name in with_radio:
-            if name not in self.cores:
+            if name not in self.cars:
                 self._join(name, cars)
-        for name in sorted(with_radio, key=self._phases.__getitem__):
-            self.now = began + self._phases[name] * TICK_S
+        for name in sorted(with_radio, key=lambda name: self.cars[name].phase_s):
+            self.now = began + self.cars[name].phase_s
             self._receive()
             self._step_car(name, cars.moved_on(self.now - began))
         self.now = began + TICK_S
@@ -221,47 +237,47 @@ class MvsWorld:
 
     def frame_of(self, car: str) -> LocalFrame:
         """The local frame of a car's core."""
-        frame = self.cores[car].frame
+        frame = self.cars[car].sharing.mvs.frame
         assert frame is not None  # noqa: S101 (a core acts with a fix)
         return frame
 
     def _join(self, name: str, cars: Cars) -> None:
-        """Create the core of a car; its first fix has a speed, so that its heading is defined."""
+        """Create a car; its first fix has a speed, so that its heading is defined."""
         own_id = self.own_id(name)
         rng = np.random.default_rng([self._seed, *own_id])
-        self._phases[name] = float(rng.random())
-        self.cores[name] = MultiVehicleSensing(
-            self._mvs_settings, own_id, rng, START_UTC_S, tracking=self._tracking
-        )
+        phase_s = float(rng.random()) * TICK_S
         own = cars.names.index(name)
-        size_m = float(cars.length_m[own]), float(cars.width_m[own])
-        step_m_s = self.settings.bus_speed_step_m_s
-        source = BsmSource(own_id, size_m, step_m_s, rng, START_UTC_S)
-        source.receive_earlier_speeds(
-            float(cars.speed_m_s[own]),
-            float(cars.acceleration_m_s2[own]),
-            self.now + self._phases[name] * TICK_S,
+        sharing = SharedSensing(
+            self._mvs_settings,
+            VehicleSize(length_m=float(cars.length_m[own]), width_m=float(cars.width_m[own])),
+            Pseudonym(b"", own_id, 0, None, math.inf),
+            rng,
+            now=0.0,
+            utc_offset_s=START_UTC_S,
+            tracking=self._tracking,
         )
-        self.bsm_sources[name] = source
+        bus = SampledBus(self.settings.bus_speed_step_m_s)
+        self.cars[name] = car = WorldCar(sharing, bus, phase_s)
+        motion = float(cars.speed_m_s[own]), float(cars.acceleration_m_s2[own])
+        for earlier in bus.earlier_samples(*motion, self.now + phase_s):
+            car.receive_observation(earlier, earlier.stamp_s)
         if self._records_measurements:
             self._reference_hosts[name] = HostVehicle(self._mvs_settings.sensing)
         self._receive_fix(name, self._fix(cars, own, speed_m_s=_ARRIVAL_M_S))
 
     def _receive_fix(self, name: str, fix: Position) -> None:
-        self.cores[name].receive_position(fix)
-        self.bsm_sources[name].receive_position(fix)
+        self.cars[name].receive_observation(fix, self.now)
         if name in self._reference_hosts:
             self._reference_hosts[name].receive_position(fix)
 
     def _step_car(self, name: str, cars: Cars) -> None:
-        core, settings = self.cores[name], self.settings
+        car, settings = self.cars[name], self.settings
         own = cars.names.index(name)
         course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
-        source, speed_m_s = self.bsm_sources[name], float(cars.speed_m_s[own])
-        source.receive_speed(speed_m_s, self.now)
-        fix = self._fix(cars, own, speed_m_s)
-        self._receive_fix(name, fix)
-        self.fixes[name] = fix
+        speed_m_s = float(cars.speed_m_s[own])
+        for sample in car.bus.sample(speed_m_s, self.now):
+            car.receive_observation(sample, self.now)
+        self._receive_fix(name, self._fix(cars, own, speed_m_s))
         for other in self._in_view(own, cars).tolist() if settings.senses else ():
             apart_m = cars.middle_m[other] - cars.middle_m[own]
             east_m, north_m = apart_m.tolist()
@@ -283,18 +299,20 @@ class MvsWorld:
                 detection = replace(
                     detection, range_rate_m_s=rate_m_s, range_rate_sigma_m_s=rate_sigma_m_s
                 )
-            core.receive_detection(detection)
+            car.sharing.receive_observation(detection, self.now)
             if self._records_measurements:
                 self._record_measurement(name, cars.names[other], detection)
-        shared_in, footer, shared = self._mvs_settings.shared_in, None, None
-        if shared_in is not SharedIn.SDSM:
-            footer = core.footer_to_send(self.now)
-        if shared_in is not SharedIn.FOOTER:
-            shared = core.sdsm_to_send(self.now)
-        message = None if shared is None else sdsm.encode(shared)
-        heading = core.heading(self.now)
-        held_rad = None if heading is None else heading.heading_rad
-        self._broadcast(own, _Sent(name, source.bsm(held_rad, self.now), footer, message), cars)
+        self._broadcast(own, self._sent(name), cars)
+
+    def _sent(self, name: str) -> _Sent:
+        """Return what a car sends now; BSM and SDSM pass their codecs."""
+        sharing = self.cars[name].sharing
+        message, shared = sharing.bsm(self.now), sharing.sdsm(self.now)
+        data = b"" if shared is None else sdsm.encode(shared)
+        octets = BSM_BYTES + len(message.footer or b"") + len(data)
+        return _Sent(
+            name, bsm.decode(bsm.encode(message)), sdsm.decode(data) if data else None, octets
+        )
 
     def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
         settings = self.settings
@@ -350,8 +368,7 @@ class MvsWorld:
 
     def _broadcast(self, own: int, sent: _Sent, cars: Cars) -> None:
         if self._channel is not None:
-            size_bytes = BSM_BYTES + len(sent.footer or b"") + len(sent.sdsm or b"")
-            self._channel.send(sent.sender, sent, size_bytes, _BSM_PRIORITY, self.now)
+            self._channel.send(sent.sender, sent, sent.octets, _BSM_PRIORITY, self.now)
             return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
         reached = (apart_m < self.settings.reach_m) & (
@@ -366,26 +383,17 @@ class MvsWorld:
             self._deliver(sent, receivers)
 
     def _deliver(self, sent: _Sent, reached: Iterable[str]) -> None:
-        receivers = tuple(name for name in reached if name in self.cores)
-        entries, shared = None, None if sent.sdsm is None else sdsm.decode(sent.sdsm)
-        if sent.footer is not None:
-            entries = read(sent.footer)
-            self.sent.append(SentFooter(self.now, sent.sender, sent.footer, entries, receivers))
-        part_one = sent.bsm.core
-        position = position_in(part_one, self.now, START_UTC_S)
+        receivers = tuple(name for name in reached if name in self.cars)
+        message, entries = sent.bsm, None
+        if message.footer is not None:
+            entries = read(message.footer)
+            self.sent.append(SentFooter(self.now, sent.sender, message.footer, entries, receivers))
         for receiver in receivers:
-            core = self.cores[receiver]
-            is_used = core.receive_bsm(
-                part_one.temporary_id,
-                position,
-                entries,
-                self.now,
-                part_one.acceleration.longitudinal_m_s2,
-            )
-            if is_used:
-                self.received.setdefault(receiver, []).append(sent.bsm)
-            if shared is not None:
-                core.receive_sdsm(shared, self.now)
+            car, sender = self.cars[receiver], message.core.temporary_id
+            if car.sharing.receive_bsm(message, sender, self.now, entries=entries):
+                car.received.append(message)
+            if sent.sdsm is not None:
+                car.sharing.mvs.receive_sdsm(sent.sdsm, self.now)
 
 
 def _between(angles_rad: Array, others_rad: Array) -> Array:

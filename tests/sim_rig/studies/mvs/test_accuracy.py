@@ -19,7 +19,7 @@ def test_free_cars_deviate_as_white_acceleration_noise_predicts() -> None:
 
 @pytest.mark.long
 def test_covariances_are_consistent_if_cars_move_as_the_filters_model() -> None:
-    found = accuracy(MODELLED, 0.15, 0.0, seed=1, seconds=0.5, road=FreeCars).errors
+    found = accuracy(MODELLED, 0.15, 0.0, seed=1, seconds=1.0, road=FreeCars).errors
 
     assert len(found[MVS].nees) > 200
     for method in (CENTRALISED, MVS):

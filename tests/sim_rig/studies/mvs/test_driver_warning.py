@@ -45,11 +45,11 @@ def warned_at_s(lead: PerceivedObject, *, braking_m_s2: float = 0.0) -> float | 
     model = WarningModel(RiskSettings(), 4.5, 1.8)
     for tick in range(-6, 8):
         now, speed_m_s = tick / 10, SPEED_M_S - braking_m_s2 * tick / 10
-        model.receive_speed(Speed(now, speed_m_s, 0.02, "test"))
+        model.receive_observation(Speed(now, speed_m_s, 0.02, "test"), now)
         if tick < 0:
             continue
         seen = replace(lead, stamp_s=now)
-        for warning in model.assess(None, car("own", 0.0, speed_m_s), [seen], now):
+        for warning in model.assess(car("own", 0.0, speed_m_s), [seen], now):
             assert warning == DriverWarning(FCW, seen)
             return now
     return None
@@ -64,17 +64,17 @@ def test_a_driver_is_warned_of_the_vehicle_ahead_of_the_camera() -> None:
     """It stands; no object is perceived there."""
     model = WarningModel(RiskSettings(), 4.5, 1.8)
     lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 25.0, 0.3, SPEED_M_S, 0.3)
-    model.receive_speed(Speed(0.0, SPEED_M_S, 0.02, "test"))
+    model.receive_observation(Speed(0.0, SPEED_M_S, 0.02, "test"), 0.0)
     own = car("own", 0.0, SPEED_M_S)
-    assert model.assess(None, own, [], 0.0) == []
+    assert model.assess(own, [], 0.0) == []
 
     for frame in range(5):
         now = frame / 10
         seen = replace(lead, stamp_s=now, gap_m=25.0 - SPEED_M_S * now)
-        model.receive_speed(Speed(now, SPEED_M_S, 0.02, "test"))
-        model.receive_lead(seen, now)
+        model.receive_observation(Speed(now, SPEED_M_S, 0.02, "test"), now)
+        model.receive_observation(seen, now)
 
-    (warning,) = model.assess(None, own, [], 0.4)
+    (warning,) = model.assess(own, [], 0.4)
     assert warning.cause == FCW
     assert isinstance(warning.of, Lead)
 
@@ -86,10 +86,10 @@ def test_a_driver_is_warned_of_a_braking_in_the_group_until_it_is_over() -> None
         0.0, bytes(8), 1, 1, 2, bytes(8), BrakeCause.DECELERATION, 6.0, age_s=0.1, hops=1
     )
     model.receive_group_warning(begun, 0.0)
-    assert model.assess(None, own, [], 0.1) == [DriverWarning(LCCA, begun)]
+    assert model.assess(own, [], 0.1) == [DriverWarning(LCCA, begun)]
 
     model.receive_group_warning(WarningOver(0.2, bytes(8), 1, "over"), 0.2)
-    assert model.assess(None, own, [], 0.2 + RELEASE_S) == []
+    assert model.assess(own, [], 0.2 + RELEASE_S) == []
 
 
 def test_a_driver_who_brakes_enough_when_the_radio_is_switched_on_is_not_warned() -> None:
@@ -107,15 +107,30 @@ def test_a_car_requests_to_brake_for_what_its_own_sensors_see(
     requested: list[BrakeRequest] = []
     for tick in range(-6, 4):
         now = tick / 10
-        model.receive_speed(Speed(now, SPEED_M_S, 0.02, "test"))
+        model.receive_observation(Speed(now, SPEED_M_S, 0.02, "test"), now)
         if tick < 0:
             continue
         seen = replace(car("lead", 35.0, 0.0), stamp_s=now, source=source)
-        model.assess(None, car("own", 0.0, SPEED_M_S), [seen], now)
+        model.assess(car("own", 0.0, SPEED_M_S), [seen], now)
         requested += model.take_brake_requests()
 
     assert bool(requested) is brakes
     assert all(request.deceleration_m_s2 > 3.0 for request in requested)
+
+
+def test_a_car_requests_to_brake_as_soon_as_its_camera_shows_the_danger() -> None:
+    """As the car's own cores do, which do not wait for the next assessment."""
+    model = WarningModel(RiskSettings(), 4.5, 1.8, BrakeRequestSettings())
+    model.assess(car("own", 0.0, SPEED_M_S), [], 0.0)
+    for frame in range(8):
+        now = frame / 15
+        model.receive_observation(Speed(now, SPEED_M_S, 0.02, "test"), now)
+        gap_m = 20.0 - SPEED_M_S * now
+        model.receive_observation(
+            Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.3, SPEED_M_S, 0.3), now
+        )
+
+    assert list(model.take_brake_requests())
 
 
 def alarm_target(*others: PerceivedObject, within_s: float = 10.0) -> str | None:

@@ -14,10 +14,10 @@ from sim_rig.roads.cars import Cars, Traffic
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.sensor_settings import LensSettings
-from sim_rig.studies.mvs.bsms import TICK_S
 from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs.lcca import FORMING_S, GroupWarning, LccaFleet, LccaRadio
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
+from sim_rig.studies.mvs.sampled_bus import TICK_S
 from tests.sim_rig.roads.lane_trace import write_lane
 
 SPEED_M_S, HEADWAY_M = 15.0, 16.0

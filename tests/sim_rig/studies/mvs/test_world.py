@@ -23,7 +23,8 @@ def detections_of(settings: WorldSettings) -> list[tuple[VehicleDetection, str]]
     road = SixLaneRoad(4, 25.0, 1.0, 1.0, np.random.default_rng(1))
     world = MvsWorld(road, {road.names[0]}, settings, SETTINGS, seed=1)
     world.tick()
-    core = world.cores[road.names[0]] = Recorded()  # type: ignore[assignment]
+    core = Recorded()
+    world.cars[road.names[0]].sharing.mvs = core  # type: ignore[assignment]
     world.tick()
     names = {int.from_bytes(world.own_id(name)): name for name in road.names}
     return [(each, names[each.track_id]) for each in core.detections]
@@ -102,7 +103,8 @@ def test_a_core_computes_the_same_from_decoded_footers_and_from_bytes() -> None:
     world = MvsWorld(road, set(road.names[::3]), WorldSettings(loss=0.2), SETTINGS, seed=1)
     world.tick()
     own = road.names[0]
-    doubled = world.cores[own] = Doubled(world.own_id(own), world)  # type: ignore[assignment]
+    doubled = Doubled(world.own_id(own), world)
+    world.cars[own].sharing.mvs = doubled  # type: ignore[assignment]
     for _ in range(9):
         world.tick()
 
@@ -118,7 +120,7 @@ def test_a_lost_message_has_no_receivers_and_a_car_without_radio_has_no_core() -
     world = MvsWorld(road, set(road.names[:4]), WorldSettings(loss=1.0), SETTINGS, seed=1)
     world.tick()
 
-    assert set(world.cores) == set(road.names[:4])
+    assert set(world.cars) == set(road.names[:4])
     assert len(world.sent) == 4
     assert all(sent.receivers == () for sent in world.sent)
 
@@ -133,15 +135,15 @@ def test_over_the_channel_near_cars_receive_and_far_cars_do_not() -> None:
 
     assert len(receivers_of) >= 5
     assert all(
-        receivers == set(world.cores) - {sender} for sender, receivers in receivers_of.items()
+        receivers == set(world.cars) - {sender} for sender, receivers in receivers_of.items()
     )
-    assert len(world.cores[road.names[0]].kinematic_info(world.now)) > len(world.cores)
+    assert len(world.cars[road.names[0]].sharing.mvs.kinematic_info(world.now)) > len(world.cars)
 
     weak_radio = CsmaSettings(tx_power_dbm=-10.0, path_loss=LogDistance(exponent=5.0))
     far = near.model_copy(update={"csma": weak_radio})
     weak = MvsWorld(road, set(road.names[::2]), far, SETTINGS, seed=1)
     weak.tick()
-    assert all(len(sent.receivers) < len(weak.cores) - 1 for sent in weak.sent)
+    assert all(len(sent.receivers) < len(weak.cars) - 1 for sent in weak.sent)
 
 
 def test_receivers_get_the_bsms_of_their_neighbours() -> None:
@@ -154,8 +156,9 @@ def test_receivers_get_the_bsms_of_their_neighbours() -> None:
     cars = world.traffic.cars_at(world.now)
     names = {world.own_id(name): name for name in equipped}
 
-    assert set(world.received) == set(equipped)
-    for receiver, messages in world.received.items():
+    assert set(world.cars) == set(equipped)
+    for receiver, each_car in world.cars.items():
+        messages = each_car.received
         senders = [names[each.core.temporary_id] for each in messages]
         assert set(senders) == set(equipped) - {receiver}
         for name, each in zip(senders, messages, strict=True):
