@@ -76,7 +76,7 @@ _LOOKS = {
 
 @dataclass(frozen=True, slots=True)
 class SceneCar:
-    """One car ahead, seen from behind unless it is turned."""
+    """One vehicle ahead, seen from behind unless it is turned."""
 
     ahead_m: float
     """Camera to its rear, along the lane; cars at or behind the camera are not drawn."""

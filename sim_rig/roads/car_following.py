@@ -36,7 +36,7 @@ def idm_acceleration(  # noqa: PLR0917 (the arguments of the formula, in its ord
     Args:
         speed: m/s.
         wished_speed: desired speed v0, m/s.
-        gap: bumper to bumper, m, positive; infinite without a car ahead.
+        gap: bumper to bumper, m, positive; infinite without a lead.
         closing_speed: m/s.
         comfortable_deceleration: b, m/s^2.
         model: the other parameters.

@@ -41,7 +41,7 @@ class ReactionSettings(Settings):
     """Distribution of reactions; drawn once per driver. Times are log-normal."""
 
     unwarned_median_s: float = Field(1.3, gt=0.0, le=5.0)
-    """To a car ahead that unexpectedly brakes (Green, Transportation Human Factors 2, 2000)."""
+    """To a lead that unexpectedly brakes (Green, Transportation Human Factors 2, 2000)."""
     unwarned_sigma: float = Field(0.4, ge=0.0, le=1.5)
     """Standard deviation of the logarithm."""
     distracted: float = Field(0.25, ge=0.0, le=1.0)
@@ -55,7 +55,7 @@ class ReactionSettings(Settings):
     braking_m_s2: Span[Positive] = (4.0, 8.0)
     """Deceleration of a warned driver, uniform between these."""
     following: CarFollowing = CarFollowing()
-    """How drivers follow the car ahead once they leave the recording."""
+    """How drivers follow the lead once they leave the recording."""
 
 
 class Obstacle(NamedTuple):

@@ -32,7 +32,7 @@ _STAYS_S = 6.0
 _CROSSES_SINE = 0.5
 """Sine of the least angle at which paths cross: 30 degrees."""
 _FIRST_IN_LINE_M = 12.0
-"""The first car in a queue has no car ahead within this distance."""
+"""The first car in a queue has no lead within this distance."""
 _BRAKES_BEFORE_S = 8.0
 """Braking for a stop starts at most this long before it."""
 _STRAIGHT_RAD = 0.3

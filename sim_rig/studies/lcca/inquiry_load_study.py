@@ -27,7 +27,7 @@ LIKELIEST = 0.6
 """Probability of the likeliest of the 16 texts; the others are equally likely."""
 _FRAME_S = 0.1
 _BSM_RATE_HZ = 10.0
-CASES = ("nobody asks", "all ask, the car ahead answers", "all ask, nobody answers")
+CASES = ("nobody asks", "all ask, the lead answers", "all ask, nobody answers")
 
 
 class InquiryLoadSettings(Settings):

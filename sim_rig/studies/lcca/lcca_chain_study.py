@@ -38,7 +38,7 @@ class ChainRow:
     followers: int
     """Cars with a radio behind a car with a radio."""
     known: int
-    """Of those, the ones that know the car ahead when the first car brakes."""
+    """Of those, the ones that know the lead when the first car brakes."""
     wrongly_known: int
     warned: int
     warn_messages: int

@@ -1,6 +1,6 @@
 """Rear-end collisions of a chain of cars: the four kinds of Table I, and pile-ups.
 
-kind   the car ahead   the follower
+kind   the lead        the follower
 1      still moves     has not reacted
 2      has stopped     has not reacted
 3      still moves     brakes
@@ -36,9 +36,9 @@ def collision_kind(
     time, so its first zero is exact. All arguments broadcast.
 
     Args:
-        gap_m: from the follower's front to the rear of the car ahead, at 0 s.
+        gap_m: from the follower's front to the rear of the lead, at 0 s.
         speed_m_s: of both.
-        lead: of the car ahead.
+        lead: deceleration of the lead, and when it begins.
         follower: of the car behind it.
 
     Returns:
@@ -87,16 +87,16 @@ def travelled_m(time_s: Array | float, speed_m_s: Array | float, car: CarBraking
 def hits_in_pile_up(
     gap_m: Array, speed_m_s: float, braking: CarBraking, is_late: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Whether each follower hits the car ahead if a collision shortens the way to standstill.
+    """Whether each follower hits the lead if a collision shortens the way to standstill.
 
     A car that hits the one ahead comes to rest no further than behind it, so the car that follows
     has less room.
 
     Args:
-        gap_m: (..., cars) to the car ahead.
+        gap_m: (..., cars) to the lead.
         speed_m_s: of all cars before they brake.
         braking: of each car, (..., cars).
-        is_late: (..., cars - 1) whether a follower hits a car ahead that brakes undisturbed.
+        is_late: (..., cars - 1) whether a follower hits a lead that brakes undisturbed.
 
     Returns:
         (..., cars - 1).

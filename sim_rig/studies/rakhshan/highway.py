@@ -51,7 +51,7 @@ class Labels(StrEnum):
     """What makes a car unsafe."""
 
     PROBABILITY = "probability"
-    """It would hit the car ahead with more than `unsafe_threshold`, its driver's usual reaction
+    """It would hit the lead with more than `unsafe_threshold`, its driver's usual reaction
     times given."""
     KNOWN_REACTION = "known-reaction"
     """The same, with the very reaction time of this braking known."""
@@ -93,7 +93,7 @@ class RakhshanHighwaySettings(Settings):
     reaction_factor: float = Field(1.0, gt=0.0)
     """Multiplies all reaction times."""
     unsafe_threshold: float = Field(0.5, gt=0.0, lt=1.0)
-    """A car is unsafe if it would hit the car ahead with more than this probability."""
+    """A car is unsafe if it would hit the lead with more than this probability."""
     synchronous: bool = True
     """Synchronous slots (SSP) or asynchronous ones (SAP)."""
     slots_per_packet: float = Field(1.0, gt=0.0)
@@ -105,7 +105,7 @@ class RakhshanHighwaySettings(Settings):
     labels: Labels = Labels.PROBABILITY
     """What makes a car unsafe."""
     first_car: Literal["as the others", "safe", "unsafe"] = "as the others"
-    """Label of the first cars; as the others, by a car ahead of them that is not simulated."""
+    """Label of the first cars; as the others, by a lead that is not simulated."""
     iteration_s: float | None = Field(None, gt=0.0)
     """Labels are renewed this often while the cars brake, from their gaps and speeds then; once,
     before the braking, if null."""
@@ -123,16 +123,16 @@ class Drops:
 
     position_m: Array
     gap_m: Array
-    """To the car ahead."""
+    """To the lead."""
     braking_m_s2: Array
     lag_s: Array
-    """Longest delay after the car ahead brakes that avoids a collision with it; infinite in lanes
+    """Longest delay after the lead brakes that avoids a collision with it; infinite in lanes
     that do not brake."""
     usual_log_reaction: Array
     """Mean of the logarithm of the driver's reaction times in s."""
     reaction_s: Array
     crash_probability: Array
-    """Probability that the car hits the car ahead when both brake, without radio."""
+    """Probability that the car hits the lead when both brake, without radio."""
     unsafe: NDArray[np.bool_]
     """Before the braking."""
     wait_draws: Array
@@ -233,7 +233,7 @@ def _crash_probability(
 def collision_share(
     settings: RakhshanHighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
 ) -> Array:
-    """Share of each drop's following cars that hit the car ahead after the first cars brake.
+    """Share of each drop's following cars that hit the lead after the first cars brake.
 
     The logarithm of P_s is a sum over cars. So each class is summed once for each of its
     probabilities, and a pair only adds two sums.

@@ -32,7 +32,7 @@ _STANDS_M_S = 0.1
 def iterated_collision_share(
     settings: RakhshanHighwaySettings, drops: Drops, safe_access: Array, unsafe_access: Array
 ) -> Array:
-    """Share of each drop's following cars that hit the car ahead; see `collision_share`.
+    """Share of each drop's following cars that hit the lead; see `collision_share`.
 
     Args:
         settings: of the highway, with an `iteration_s`.

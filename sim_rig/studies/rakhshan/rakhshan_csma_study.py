@@ -1,6 +1,6 @@
 """Effect of driver-based access on the CSMA channel, with LCCA and MVS traffic.
 
-Highway, drivers and brakings are the paper's (`rakhshan_highway.py`). The 802.11p channel replaces
+Highway, drivers and brakings are the paper's (`highway.py`). The 802.11p channel replaces
 slots, and message intervals within SAE J2945/1, one for safe and one for unsafe cars, replace
 access probabilities. The first car of each lane brakes. A car that receives a message of a braking
 car ahead, or sees the brake lights directly ahead, brakes after its driver's reaction time, and its

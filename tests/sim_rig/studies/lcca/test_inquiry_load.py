@@ -17,7 +17,7 @@ def both(case: str) -> tuple[LoadRow, LoadRow]:
 
 
 def test_the_lead_is_found_out_and_no_longer_asked_for() -> None:
-    first, rest = both("all ask, the car ahead answers")
+    first, rest = both("all ask, the lead answers")
 
     assert first.identified == rest.identified == 11  # nobody is ahead of the first
     assert first.inquiries_per_s >= 12
