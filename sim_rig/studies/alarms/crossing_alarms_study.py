@@ -1,6 +1,6 @@
 """Lead time, misses and false alarms at crossings, for the driver with right of way and the other.
 
-The risk monitor of either vehicle is given what its own sensors and the other's BSMs report, with
+The `RiskResponse` of either vehicle is given what its own sensors and the other's BSMs report, with
 the rig's errors. Neither driver reacts to alarms. A run is some meetings of one kind.
 
 A nuisance is a warning of a meeting in which each vehicle would have left the place that both cross
@@ -24,10 +24,11 @@ from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
 from onboard.mvs.host_vehicle import SPEED_SIGMA_M_S
 from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Alarm, Level
-from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.sensors.host_state import HostState
 from onboard.settings import Settings
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.vehicle.risk_response import RiskResponse
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.alarms.crossing_meetings import TICK_S, Array, Meeting, MeetingKind, meetings
@@ -184,14 +185,15 @@ def summary(results: Results[AlarmSettings, MeetingsRow, CrossingLine]) -> str:
 def _warned_s(
     meeting: Meeting, host: int, settings: AlarmSettings, rng: np.random.Generator
 ) -> Iterator[float]:
-    """When the monitor of vehicle `host` raises a warning of the other."""
-    monitor = RiskMonitor(settings.risk, settings.traffic.length_m, settings.traffic.width_m)
+    """When vehicle `host` raises a warning of the other."""
+    state, size_m = HostState(), (settings.traffic.length_m, settings.traffic.width_m)
+    response = RiskResponse(settings.risk, size_m, state)
     own_share = math.sqrt(1.0 - settings.receivers.bias_shared)
     bias_m = own_share * settings.receivers.bias_sigma_m * rng.standard_normal((2, 2))
     heading_error_rad = HEADING_SIGMA_RAD * rng.standard_normal()
     for tick in range(0, len(meeting.speed_m_s), round(EVERY_S / TICK_S)):
         now = tick * TICK_S
-        monitor.host.receive_observation(_obd_speed(meeting, tick, host))
+        state.receive_observation(_obd_speed(meeting, tick, host))
         own, other = (
             _perceived_object(
                 meeting, (tick, car), bias_m[car], settings.receivers, is_host=car == host, rng=rng
@@ -203,13 +205,13 @@ def _warned_s(
         safety = None
         if settings.turn_signals and meeting.turns_left:
             if host == 1:
-                monitor.host.receive_observation(TurnSignal(now, "left", is_on=True, source="can"))
+                state.receive_observation(TurnSignal(now, "left", is_on=True, source="can"))
             else:
                 safety = VehicleSafetyExtensions(lights=ExteriorLights.LEFT_TURN_SIGNAL)
-        monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
+        response.monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         heading = Heading(_heading_rad(meeting, tick, host) + heading_error_rad, HEADING_SIGMA_RAD)
-        monitor.assess(own, [other], now, heading=heading)
-        for event in iter(monitor.next_event, None):
+        response.assess(own, [other], now, heading=heading)
+        for event in iter(response.monitor.next_event, None):
             if isinstance(event, Alarm) and event.level is Level.WARNING:
                 yield now
 

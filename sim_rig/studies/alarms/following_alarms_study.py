@@ -1,6 +1,6 @@
 """FCW behind vehicles without radio, by sensor profile: false alarms, and delay after braking.
 
-The car's own cores, from the wires on (NMEA, the detector's JSON, whole km/h), with the rig's
+The car's own `Vehicle`, from the wires on (NMEA, the detector's JSON, whole km/h), with the rig's
 errors. False alarms are counted on recorded platoons, of which every follower is the host vehicle
 in turn, behind two others; a warning is false unless exact gaps and speeds raise one within
 `SAME_S`. The delay is measured behind a vehicle that brakes from a constant speed; the host vehicle
@@ -8,7 +8,7 @@ does not react.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -22,14 +22,18 @@ from onboard.errors import UserError
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.kinematics.units import KM_H
-from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.observations import DetectionList, Lead, LeadIdentity, Position, Speed
+from onboard.observations import Lead, LeadIdentity, Sensor, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.fcw import FCW
-from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonym
+from onboard.security.settings import PlateDigestSettings
 from onboard.settings import Settings
+from onboard.step import Observation
+from onboard.vehicle.config import CarConfig, CarSettings
+from onboard.vehicle.vehicle import Vehicle
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import ExternalDetector
@@ -221,7 +225,7 @@ def _braking_pair(settings: FollowingSettings, gap_m: float) -> Mapping[str, Tra
 
 
 class _Follower:
-    """A host vehicle with a receiver and a detector; beside it, a monitor with exact data."""
+    """A host vehicle with a receiver and a detector; beside it, one that knows its lead exactly."""
 
     def __init__(
         self,
@@ -233,7 +237,7 @@ class _Follower:
     ) -> None:
         lead, host = pair
         self._drives, self._host, self._lead = drives, drives[host], drives[lead]
-        own_rng, sky_rng, camera_rng, mvs_rng = rng.spawn(4)
+        own_rng, sky_rng, camera_rng, vehicle_rng = rng.spawn(4)
         phases_s = rng.uniform(0.0, EVERY_S, 3)
         self._receiver = GnssReceiver(
             settings.receivers, self._host.state, START_UTC_S, own_rng, sky_rng
@@ -242,15 +246,14 @@ class _Follower:
         self._detector = ExternalDetector(camera, phase_s=float(phases_s[0]))
         self._nmea = NmeaReader(GnssSettings(latency_s=settings.receivers.latency_s))
         self._objects = ObjectListReader()
-        sensing = SensingSettings(camera_ahead_m=LENGTH_M / 2.0)
-        self._mvs = MultiVehicleSensing(MvsSettings(sensing=sensing), b"host", mvs_rng, START_UTC_S)
-        self._monitor, self._exact = (
-            RiskMonitor(settings.risk, LENGTH_M, WIDTH_M) for _ in range(2)
+        self._speed_at, self._lead_at = float(phases_s[1]), float(phases_s[2])
+        self._vehicle = _vehicle(
+            settings.risk, {Sensor.POSITION, Sensor.DETECTOR}, self._lead_at, vehicle_rng
         )
-        self._speed_at, self._assess_at = float(phases_s[1]), float(phases_s[2])
+        self._exact = _vehicle(settings.risk, {Sensor.CAMERA}, self._lead_at, vehicle_rng)
 
     def drive(self, until_s: float) -> tuple[list[float], list[float]]:
-        """Return when the monitor warns, and when the one with exact data does."""
+        """Return when the vehicle warns, and when the one with exact data does."""
         warned: list[float] = []
         exact: list[float] = []
         while (now := self._next_at) < until_s:
@@ -258,20 +261,22 @@ class _Follower:
             if now >= self._speed_at:
                 self._speed_at += EVERY_S
                 self._receive_speed(now)
-            if now >= self._assess_at:
-                self._assess_at += EVERY_S
-                self._mvs.update(now)
-                own, objects = self._mvs.host_vehicle(now), self._mvs.kinematic_info(now)
-                self._monitor.assess(own, objects, now)
-                self._exact.receive_event(self._exact_lead(now), now)
-            warned += _warnings(self._monitor)
-            exact += _warnings(self._exact)
+            if now >= self._lead_at:
+                self._lead_at += EVERY_S
+                self._exact.receive_observation(self._exact_lead(now), now)
+            warned += _warnings(self._vehicle, now)
+            exact += _warnings(self._exact, now)
         return warned, exact
 
     @property
     def _next_at(self) -> float:
-        devices_at = self._receiver.get_timer(), self._detector.get_timer()
-        return min(*devices_at, self._speed_at, self._assess_at)
+        return min(
+            self._receiver.get_timer(),
+            self._detector.get_timer(),
+            self._speed_at,
+            self._lead_at,
+            self._vehicle.get_timer(),
+        )
 
     def _read_wires(self, now: float) -> None:
         if data := self._receiver.bytes_to_send(now):
@@ -279,19 +284,15 @@ class _Follower:
         if data := self._detector.bytes_to_send(now):
             self._objects.receive_bytes(data, now)
         for event in (*iter(self._nmea.next_event, None), *iter(self._objects.next_event, None)):
-            if isinstance(event, Position):
-                self._mvs.receive_position(event)
-                self._monitor.receive_event(event, now)
-            elif isinstance(event, DetectionList):
-                for detection in event.cars:
-                    self._mvs.receive_detection(detection)
+            if isinstance(event, Observation):
+                self._vehicle.receive_observation(event, now)
 
     def _receive_speed(self, now: float) -> None:
         at_s = now - SPEED_AGE_S
         speed_m_s = self._host.state(at_s).speed_m_s
         whole_m_s = math.floor(speed_m_s / KM_H) * KM_H
-        self._monitor.host.receive_observation(Speed(at_s, whole_m_s, KM_H, "obd:7E8"))
-        self._exact.host.receive_observation(Speed(at_s, speed_m_s, KM_H, "obd:7E8"))
+        self._vehicle.receive_observation(Speed(at_s, whole_m_s, KM_H, "obd:7E8"), now)
+        self._exact.receive_observation(Speed(at_s, speed_m_s, KM_H, "obd:7E8"), now)
 
     def _exact_lead(self, now: float) -> Lead:
         host, lead = self._host.state(now), self._lead.state(now)
@@ -307,8 +308,31 @@ class _Follower:
         return {name: drive.state(at_s) for name, drive in self._drives.items()}
 
 
-def _warnings(monitor: RiskMonitor) -> Iterator[float]:
-    for event in iter(monitor.next_event, None):
+def _vehicle(
+    risk: RiskSettings, sensors: Collection[Sensor], now: float, rng: np.random.Generator
+) -> Vehicle:
+    """Return a vehicle without a radio that is first assessed at `now`."""
+    config = CarConfig(
+        car=CarSettings(plate="HOST", length_m=LENGTH_M, width_m=WIDTH_M),
+        mvs=MvsSettings(sensing=SensingSettings(camera_ahead_m=LENGTH_M / 2.0)),
+        risk=risk,
+        beacons=False,
+    )
+    return Vehicle(
+        config,
+        {Sensor.SPEED, *sensors},
+        rng,
+        now=now,
+        utc_offset_s=START_UTC_S,
+        pseudonym=Pseudonym(bytes(8), b"host", 0, None, math.inf),
+        digest=PlateDigest(PlateDigestSettings(scrypt_log2_n=1)),  # no plate is read
+    )
+
+
+def _warnings(vehicle: Vehicle, now: float) -> Iterator[float]:
+    if vehicle.get_timer() <= now:
+        vehicle.handle_timer(now)
+    for event in iter(vehicle.next_event, None):
         if isinstance(event, Alarm) and event.cause == FCW and event.level is Level.WARNING:
             yield event.stamp_s
 
