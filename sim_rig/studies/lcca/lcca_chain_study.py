@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim_rig.studies.campaigns.intervals import half_interval
+from sim_rig.studies.campaigns.intervals import cluster_interval, half_interval
 from sim_rig.studies.campaigns.study import Axes, Results, Study
 from sim_rig.studies.lcca.chain import ChainCase, ChainSettings, Platoon
-
-_RESAMPLES = 2000
-"""Of the bootstrap."""
 
 
 def axes(settings: ChainSettings) -> Axes:
@@ -114,7 +111,9 @@ def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
     events = sum(row.events for row in mine)
     error = half_interval(np.array(crashes)) if len(crashes) > 1 else 0.0
 
-    low, high = _reduction_interval(crashes, none)
+    # The platoons are the same with and without radios; `none` is empty if no share is 0.
+    avoided = [before - after for before, after in zip(none, crashes, strict=False)]
+    low, high = cluster_interval(range(len(none)), avoided, none)
     followers = sum(row.followers for row in mine)
 
     def per_event(column: str) -> float:
@@ -140,17 +139,6 @@ def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
 
 def _platoon_of(line: ChainLine) -> tuple[float, int, str]:
     return line.reaction_median_s, line.cars, line.sight
-
-
-def _reduction_interval(crashes: Sequence[float], none: Sequence[float]) -> tuple[float, float]:
-    """95 % interval of the reduction, by resampling the platoons, which are the same in both."""
-    if not sum(none):
-        return math.nan, math.nan
-    picks = np.random.default_rng(0).integers(len(none), size=(_RESAMPLES, len(none)))
-    totals = np.maximum(np.array(none)[picks].sum(axis=1), 1)
-    reductions = 1.0 - np.array(crashes)[picks].sum(axis=1) / totals
-    low, high = np.quantile(reductions, (0.025, 0.975)).tolist()
-    return low, high
 
 
 def picture(results: ChainResults) -> Figure:
