@@ -37,6 +37,7 @@ from sim_rig.studies.lcca.platoon_sight import (
     Sight,
 )
 from sim_rig.studies.lcca.study_lcca import car_id_of, handle_timers, study_lcca, take_warnings
+from sim_rig.studies.radio.lossy_reach import LossyReach
 
 _STEP_S = 0.01
 _SPEED_INTERVAL_S = 0.1
@@ -138,9 +139,7 @@ class Platoon:
         self._lossy_channel = LossyChannel(
             positions_m,
             self._radios,
-            reach_m=settings.reach_m,
-            loss=settings.loss,
-            rng=np.random.default_rng([seed, cars, 1]),
+            LossyReach(settings.reach_m, settings.loss, np.random.default_rng([seed, cars, 1])),
         )
         self._channel: LossyChannel | PlatoonChannel = self._lossy_channel
         self._step_s = _STEP_S

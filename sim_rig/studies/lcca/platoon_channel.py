@@ -3,13 +3,14 @@
 import heapq
 import math
 from collections.abc import Collection, Iterator, Sequence
-from itertools import count
+from itertools import compress, count
 
 import numpy as np
 
 from onboard.messages.lcca import LccaMessage, encode
 from sim_rig.roads.cars import Array, Cars
 from sim_rig.scenario.radio_settings import ChannelSettings
+from sim_rig.studies.radio.lossy_reach import LossyReach
 from sim_rig.studies.radio.study_channel import BSM_BYTES, StudyChannel
 
 CHANNEL_STEP_S = 0.002
@@ -25,34 +26,17 @@ _BACKGROUND_LATERAL_M = 4.0
 class LossyChannel:
     """Every radio in range receives a message, unless it loses its copy."""
 
-    def __init__(
-        self,
-        positions_m: Array,
-        radios: Sequence[int],
-        *,
-        reach_m: float,
-        loss: float,
-        rng: np.random.Generator,
-    ) -> None:
+    def __init__(self, positions_m: Array, radios: Sequence[int], reach: LossyReach) -> None:
         """Connect the radios of a platoon.
 
         Args:
             positions_m: (cars,) positions along the road.
             radios: numbers of the cars with a radio.
-            reach_m: range of a radio.
-            loss: probability that one receiver loses a message.
-            rng: source of the losses.
+            reach: decides who receives.
         """
-        self._loss = loss
-        self._rng = rng
-        self._near = {
-            car: [
-                other
-                for other in radios
-                if other != car and abs(positions_m[other] - positions_m[car]) <= reach_m
-            ]
-            for car in radios
-        }
+        self._reach = reach
+        self._radios = radios
+        self._apart_m = {car: np.abs(positions_m - positions_m[car]) for car in radios}
         self._bsms_at = -math.inf
         self._in_transmission: list[tuple[float, int, int, LccaMessage]] = []
         self._order = count()
@@ -80,7 +64,7 @@ class LossyChannel:
         """The senders of the BSMs received until `now`, each with its receivers."""
         if now >= self._bsms_at:
             self._bsms_at = now + _BSM_INTERVAL_S
-            yield from ((car, self._reached(car)) for car in self._near)
+            yield from ((car, self._reached(car)) for car in self._radios)
 
     def reached_by_flooding(self, car: int) -> int:
         """Number of messages if every receiver repeats a message once."""
@@ -92,11 +76,8 @@ class LossyChannel:
         return len(reached)
 
     def _reached(self, car: int, but: Collection[int] = ()) -> list[int]:
-        return [
-            other
-            for other in self._near[car]
-            if other not in but and self._rng.random() >= self._loss
-        ]
+        others = [other for other in self._radios if other != car and other not in but]
+        return list(compress(others, self._reach.received(self._apart_m[car][others])))
 
 
 class PlatoonChannel:

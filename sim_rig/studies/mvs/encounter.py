@@ -21,12 +21,13 @@ from sim_rig.roads.paths import DrivePath
 from sim_rig.scenario.setting_types import Several
 from sim_rig.studies.mvs.equipped_cars import EquippedCars, IssuedWarning
 from sim_rig.studies.mvs.events import SampledEvent, event_sample
-from sim_rig.studies.mvs.lcca import LccaFleet, LccaRadio
+from sim_rig.studies.mvs.lcca import LccaFleet
 from sim_rig.studies.mvs.outcomes import CrashPair, EncounterOutcome
 from sim_rig.studies.mvs.profiles import WorldProfile
 from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource
 from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
+from sim_rig.studies.radio.lossy_reach import LossyReach
 
 _PATH_M = np.arange(0.0, 61.0, 10.0)
 """Points of the event car's path ahead of it, where other cars may cross."""
@@ -241,7 +242,7 @@ class Encounters:
             world.equipped,
             settings.plate_lens,
             self._settings.lcca,
-            radio=LccaRadio(settings.reach_m, case.loss),
+            radio=LossyReach(settings.reach_m, case.loss, np.random.default_rng([seed, 5])),
             speed_step_m_s=settings.bus_speed_step_m_s,
             seed=seed,
         )

@@ -9,9 +9,8 @@ import heapq
 import math
 from collections import defaultdict, deque
 from collections.abc import Set
-from dataclasses import dataclass
 from functools import partial
-from itertools import count
+from itertools import compress, count
 
 import numpy as np
 
@@ -33,20 +32,12 @@ from sim_rig.studies.lcca.study_lcca import (
     take_warnings,
 )
 from sim_rig.studies.mvs.sampled_bus import TICK_S
+from sim_rig.studies.radio.lossy_reach import LossyReach
 
 FORMING_S = 4.0
 """Time before MVS begins in which cars drive behind each other and warning groups form."""
 _STEP_S = 0.01
 _TRANSMISSION_S = 0.002
-
-
-@dataclass(frozen=True, slots=True)
-class LccaRadio:
-    """What messages reach."""
-
-    reach_m: float
-    loss: float
-    """Probability that one receiver loses a message."""
 
 
 class LccaFleet:
@@ -58,7 +49,7 @@ class LccaFleet:
         lens: LensSettings,
         settings: LccaSettings,
         *,
-        radio: LccaRadio,
+        radio: LossyReach,
         speed_step_m_s: float,
         seed: int,
     ) -> None:
@@ -70,7 +61,7 @@ class LccaFleet:
             settings: of the warning groups.
             radio: of all of them.
             speed_step_m_s: resolution of the speeds on their buses.
-            seed: of plates, cameras and losses.
+            seed: of plates and cameras.
         """
         self._equipped = equipped
         self._lens = lens
@@ -197,14 +188,11 @@ class LccaFleet:
                 )
 
     def _reached(self, sender: str) -> list[str]:
-        here, radio = self._positions_m[sender], self._radio
-        return [
-            name
-            for name, there in self._positions_m.items()
-            if name != sender
-            and np.hypot(*(there - here)) < radio.reach_m
-            and self._rng.random() >= radio.loss
-        ]
+        names = [name for name in self._positions_m if name != sender]
+        if not names:
+            return []
+        away_m = np.stack([self._positions_m[name] for name in names]) - self._positions_m[sender]
+        return list(compress(names, self._radio.received(np.hypot(*away_m.T))))
 
 
 class _LccaCar:

@@ -37,6 +37,7 @@ from sim_rig.roads.line_of_sight import Blocked
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.sensor_settings import LensSettings
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
+from sim_rig.studies.radio.lossy_reach import LossyReach
 from sim_rig.studies.radio.study_channel import BSM_BYTES, StudyChannel
 
 ORIGIN = LocalFrame(47.37, 8.54)
@@ -195,6 +196,7 @@ class MvsWorld:
         self.sent: list[SentFooter] = []
         """Footers of the last tick."""
         self.now = 0.0
+        self._reach = LossyReach(settings.reach_m, settings.loss, self._rng)
         self._channel: StudyChannel[_Sent] | None = None
         channel = settings.csma or settings.sidelink
         if channel is not None:
@@ -371,11 +373,9 @@ class MvsWorld:
             self._channel.send(sent.sender, sent, sent.octets, _BSM_PRIORITY, self.now)
             return
         apart_m = np.hypot(*(cars.middle_m - cars.middle_m[own]).T)
-        reached = (apart_m < self.settings.reach_m) & (
-            self._rng.random(len(cars)) >= self.settings.loss
-        )
-        reached[own] = False
-        self._deliver(sent, [cars.names[i] for i in np.flatnonzero(reached)])
+        apart_m[own] = math.inf
+        reached = np.flatnonzero(self._reach.received(apart_m))
+        self._deliver(sent, [cars.names[i] for i in reached])
 
     def _receive(self) -> None:
         channel = self._channel

@@ -15,9 +15,10 @@ from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.sensor_settings import LensSettings
 from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs.lcca import FORMING_S, GroupWarning, LccaFleet, LccaRadio
+from sim_rig.studies.mvs.lcca import FORMING_S, GroupWarning, LccaFleet
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.sampled_bus import TICK_S
+from sim_rig.studies.radio.lossy_reach import LossyReach
 from tests.sim_rig.roads.lane_trace import write_lane
 
 SPEED_M_S, HEADWAY_M = 15.0, 16.0
@@ -45,7 +46,7 @@ def fleet_of(*equipped: str, loss: float = 0.0) -> LccaFleet:
         set(equipped),
         LensSettings(),
         LccaSettings(),
-        radio=LccaRadio(300.0, loss),
+        radio=LossyReach(300.0, loss, np.random.default_rng(2)),
         speed_step_m_s=KM_H,
         seed=1,
     )
