@@ -1,4 +1,4 @@
-"""Turns the assessments behind the alarms into requests to brake.
+"""Turns what own sensors show, and what messages tell, into requests to brake.
 
 Braking is requested from the first certain warning on, and repeated at every assessment while that
 alarm's danger lasts, at caution level too, as hard as was ever asked for: a vehicle that brakes
@@ -19,7 +19,7 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard.brake_request.certainty import certainty_of
+from onboard.brake_request.certainty import AlarmKey, Danger, dangers
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.core import Core
 from onboard.observations import Speed
@@ -37,9 +37,6 @@ OLDEST_S = 0.6
 STANDS_M_S = 0.3
 """Below this host speed, and so at 1 km/h by OBD, nothing is requested."""
 COUNTER_END = 256
-
-AlarmKey = tuple[Cause, str]
-"""Cause, and name of the vehicle; empty for a cause with one alarm at a time."""
 
 
 class RequestState(StrEnum):
@@ -104,8 +101,8 @@ class BrakeRequester(Core):
         self._settings = settings
         self.host = host
         self._state = RequestState.IDLE
-        self._certain: set[AlarmKey] = set()
-        """Alarms that were certain in this request."""
+        self._certain: set[tuple[Cause, str, bool]] = set()
+        """Keys of the dangers that were certain in this request."""
         self._hardest_m_s2 = 0.0
         """Braking asked for in this request."""
         self._certainty = 0.0
@@ -115,20 +112,28 @@ class BrakeRequester(Core):
         self._counter = 0
         self._events: deque[BrakeRequest] = deque()
 
-    def assess(self, assessments: Mapping[AlarmKey, Assessment], now: float) -> None:
-        """Take the last assessment of each alarm, at 10 Hz or more often."""
-        present = [
-            (key, assessment, certainty_of(key[0], assessment, self._settings))
-            for key, assessment in assessments.items()
-            if self._counts(key[0], assessment)
-        ]
+    def assess(
+        self,
+        alarms: Mapping[AlarmKey, Assessment],
+        sensed: Mapping[AlarmKey, Assessment],
+        now: float,
+    ) -> None:
+        """Take the last assessments, at 10 Hz or more often.
+
+        Args:
+            alarms: those behind the alarms, by all that is known.
+            sensed: those of what own sensors alone measure.
+            now: the time.
+        """
+        present = [each for each in dangers(alarms, sensed, self._settings) if _counts(each)]
         certain = {
-            key
-            for key, assessment, certainty in present
-            if assessment.level is Level.WARNING and certainty >= self._settings.least_certainty
+            each.key
+            for each in present
+            if each.assessment.level is Level.WARNING
+            and each.certainty >= self._settings.least_certainty
         }
         self._certain |= certain
-        asking = [each for each in present if each[0] in self._certain]
+        asking = [each for each in present if each.key in self._certain]
         if asking:
             self._take(asking, now)
         if not self._host_drives(now):
@@ -181,32 +186,33 @@ class BrakeRequester(Core):
         )
         self._counter = (self._counter + 1) % COUNTER_END
 
-    def _counts(self, cause: Cause, assessment: Assessment) -> bool:
-        row = row_of(cause)
-        if assessment.level is Level.NONE or assessment.value <= 0.0:
-            return False
-        if assessment.is_test or not row.may_brake:
-            return False
-        ages_s = [each.age_s for each in assessment.reasons if each.what != Speed.kind]
-        return row.has_known_end or min(ages_s, default=math.inf) <= OLDEST_S
-
-    def _take(self, asking: Sequence[tuple[AlarmKey, Assessment, float]], now: float) -> None:
-        """Take what several alarms ask for together: the hardest braking."""
+    def _take(self, asking: Sequence[Danger], now: float) -> None:
+        """Take what several dangers ask for together: the hardest braking."""
         asked = sorted(
-            ((self._deceleration_m_s2(cause, each), cause) for (cause, _), each, _ in asking),
-            reverse=True,
+            ((self._deceleration_m_s2(each), each.cause) for each in asking), reverse=True
         )
         self._hardest_m_s2 = max(self._hardest_m_s2, asked[0][0])
-        self._certainty = max(certainty for *_, certainty in asking)
+        self._certainty = max(each.certainty for each in asking)
         self._causes = tuple(dict.fromkeys(cause for _, cause in asked))
         self._asked_at_s = now
 
-    def _deceleration_m_s2(self, cause: Cause, assessment: Assessment) -> float:
-        asked_m_s2 = assessment.value
-        if row_of(cause).is_probability:
+    def _deceleration_m_s2(self, danger: Danger) -> float:
+        asked_m_s2 = danger.assessment.value
+        if row_of(danger.cause).is_probability:
             asked_m_s2 = self._settings.crossing_m_s2
         return min(asked_m_s2, self._settings.most_m_s2)
 
     def _host_drives(self, now: float) -> bool:
         speed = self.host.speed(now, BRAKING_SPEED_VALID_S)
         return speed is not None and speed.speed_m_s >= STANDS_M_S
+
+
+def _counts(danger: Danger) -> bool:
+    """Whether it is one at all, by observations that are not too old."""
+    row, assessment = row_of(danger.cause), danger.assessment
+    if assessment.level is Level.NONE or assessment.value <= 0.0:
+        return False
+    if assessment.is_test or not row.may_brake:
+        return False
+    ages_s = [each.age_s for each in assessment.reasons if each.what != Speed.kind]
+    return row.has_known_end or min(ages_s, default=math.inf) <= OLDEST_S

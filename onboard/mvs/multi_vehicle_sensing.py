@@ -5,6 +5,7 @@ Without a position there is no MVS: nothing is measured, used or sent.
 
 import math
 from collections import Counter, deque
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -60,6 +61,7 @@ class MultiVehicleSensing(Core):
         *,
         tracking: TrackingParameters = DEFAULTS,
         max_measurements: int = MAX_MEASUREMENTS_PER_ESTIMATE,
+        tracks_sensed: bool = False,
     ) -> None:
         """Start without tracks.
 
@@ -70,6 +72,7 @@ class MultiVehicleSensing(Core):
             utc_offset_s: UTC minus `now`.
             tracking: parameters of the tracker.
             max_measurements: in one estimate, sent or received.
+            tracks_sensed: whether there are `sensed_objects`.
         """
         self._settings = settings
         self._utc_offset_s = utc_offset_s
@@ -89,6 +92,11 @@ class MultiVehicleSensing(Core):
         self._sdsms = 0
         """Sent under the present ID."""
         self._tracks = Tracks(tracking)
+        self._sensed_tracks = Tracks(tracking) if tracks_sensed else None
+        """Of own measurements alone."""
+        self._all_tracks = [self._tracks]
+        if self._sensed_tracks is not None:
+            self._all_tracks.append(self._sensed_tracks)
         self._evidence_to_send = EvidenceToSend(
             settings,
             rng,
@@ -113,7 +121,8 @@ class MultiVehicleSensing(Core):
     def set_utc_offset(self, utc_offset_s: float) -> None:
         """Set UTC minus `now`. At a correction of UTC all tracks are dropped."""
         if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
-            self._tracks.clear()
+            for tracks in self._all_tracks:
+                tracks.clear()
             self._own_stamps_ms.clear()
             self._evidence_to_send.restart()
             self._updated_ms = None
@@ -125,7 +134,8 @@ class MultiVehicleSensing(Core):
         """Take the host vehicle's position."""
         moved = self._host.receive_position(fix)
         if moved is not None:
-            self._tracks.change_frame(*moved)
+            for tracks in self._all_tracks:
+                tracks.change_frame(*moved)
             self._remote_vehicles.change_frame(*moved)
             self._road_side_units.change_frame(*moved)
             self._received = [each.mapped(*moved) for each in self._received]
@@ -216,6 +226,9 @@ class MultiVehicleSensing(Core):
         reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
         states = as_state_arrays(list(reported.values()), self._utc_ms)
         self._tracks.match_remote_vehicles(list(reported), states, now_ms)
+        if self._sensed_tracks is not None:
+            self._sensed_tracks.update(now_ms)
+            self._sensed_tracks.match_remote_vehicles([self.own_id], states[:1], now_ms)
         self._updated_ms = now_ms
 
     # ---- out ------------------------------------------------------------------------------
@@ -271,10 +284,27 @@ class MultiVehicleSensing(Core):
         """Return all objects but the host vehicle by the last update, predicted to `now`."""
         if not self.has_position(now):
             return []
-        now_ms = self._utc_ms(now)
-        tracks, q = self.reported_tracks(), self._parameters.acceleration_density
+        q = self._parameters.acceleration_density
         sensed = {track.remote_vehicle_id for track in self._tracks if track.is_sensed}
-        objects = as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed)
+        return [
+            *as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed),
+            *self._tracked_objects(self.reported_tracks(), now),
+        ]
+
+    def sensed_objects(self, now: float) -> list[PerceivedObject]:
+        """Return what own sensors alone measure, whether it has a radio or not.
+
+        No message has a part in it: one about a vehicle that is measured must not change its state.
+        Numbers of vehicles are not those of `kinematic_info`.
+        """
+        if self._sensed_tracks is None or not self.has_position(now):
+            return []
+        return self._tracked_objects(_without_radio(self._sensed_tracks), now)
+
+    def _tracked_objects(self, tracks: Sequence[Track], now: float) -> list[PerceivedObject]:
+        """Return tracks as objects, predicted to `now`."""
+        now_ms, q = self._utc_ms(now), self._parameters.acceleration_density
+        objects = []
         states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
         for track, state, covariance in zip(
             tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
@@ -297,9 +327,7 @@ class MultiVehicleSensing(Core):
 
     def reported_tracks(self) -> list[Track]:
         """Return the tracks of vehicles without radio that are reported, by the last update."""
-        return [
-            track for track in self._tracks if track.is_reported and track.remote_vehicle_id is None
-        ]
+        return _without_radio(self._tracks)
 
     def host_vehicle(self, now: float) -> PerceivedObject | None:
         """Return the host vehicle in the same frame; `None` without a position."""
@@ -406,17 +434,17 @@ class MultiVehicleSensing(Core):
                 n = len(measured)
                 self._own_stamps_ms.append(identity.stamp_ms)
                 provenances = [frozenset((identity,))] * n
-                self._tracks.receive_evidence(
-                    EvidenceBatch(
-                        [OWN] * n,
-                        list(measured),
-                        provenances,
-                        [self._utc_ms(now)] * n,
-                        ProvenanceSpans.of(provenances),
-                        [True] * n,
-                        as_arrays(list(measured.values())).with_velocities(velocities),
-                    )
+                batch = EvidenceBatch(
+                    [OWN] * n,
+                    list(measured),
+                    provenances,
+                    [self._utc_ms(now)] * n,
+                    ProvenanceSpans.of(provenances),
+                    [True] * n,
+                    as_arrays(list(measured.values())).with_velocities(velocities),
                 )
+                for tracks in self._all_tracks:
+                    tracks.receive_evidence(batch)
         self._detections.clear()
 
     # ---- common ---------------------------------------------------------------------------
@@ -435,6 +463,11 @@ class MultiVehicleSensing(Core):
 
     def _discard(self, now: float, reason: str, detail: str) -> None:
         self._events.append(Discarded(now, "mvs", reason, detail))
+
+
+def _without_radio(tracks: Tracks) -> list[Track]:
+    """Return the tracks that are reported, and are no vehicle that sends BSMs."""
+    return [track for track in tracks if track.is_reported and track.remote_vehicle_id is None]
 
 
 def _stamp_s(detection: VehicleDetection) -> float:

@@ -1,4 +1,7 @@
-"""What one vehicle does about risk: it warns its driver, and requests to brake."""
+"""What one vehicle does about risk: it warns its driver, and requests to brake.
+
+What own sensors alone show is assessed apart, by a monitor that no message reaches.
+"""
 
 from collections.abc import Sequence
 
@@ -9,6 +12,7 @@ from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.monitor import Permits, RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
+from onboard.step import Observation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -35,9 +39,24 @@ class RiskResponse:
             permits: asked at each assessment that calls for an alarm.
         """
         self.monitor = RiskMonitor(settings, *size_m, permits, host)
-        self.brake_requester = (
-            None if brake_request is None else BrakeRequester(brake_request, host)
-        )
+        self.brake_requester: BrakeRequester | None = None
+        self._sensed_monitor: RiskMonitor | None = None
+        """Of what own sensors alone show, for requests to brake; its alarms are not put out."""
+        if brake_request is not None:
+            self.brake_requester = BrakeRequester(brake_request, host)
+            self._sensed_monitor = RiskMonitor(settings, *size_m, host=host)
+
+    def receive_reaction_time(self, reaction_s: float) -> None:
+        """Take the median of the driver's reaction times, which sets how early alarms are."""
+        self.monitor.receive_reaction_time(reaction_s)
+        if self._sensed_monitor is not None:
+            self._sensed_monitor.receive_reaction_time(reaction_s)
+
+    def receive_observation(self, observation: Observation, now: float) -> None:
+        """Let the alarms, and what requests braking, take what a sensor of the vehicle measures."""
+        if self._sensed_monitor is not None:
+            self._sensed_monitor.receive_event(observation, now)
+        self.receive_event(observation, now)
 
     def receive_event(self, event: Event, now: float) -> None:
         """Let the alarms take an observation or an event at once, between assessments."""
@@ -51,12 +70,19 @@ class RiskResponse:
         now: float,
         *,
         heading: Heading | None,
+        sensed: Sequence[PerceivedObject] = (),
         red_light_m: RedLight = no_red_light,
     ) -> None:
-        """Assess every cause, at 10 Hz; as `RiskMonitor`."""
+        """Assess every cause, at 10 Hz; as `RiskMonitor`.
+
+        `sensed` is what own sensors alone measure, for requests to brake.
+        """
         self.monitor.assess(own, objects, now, red_light_m, heading)
+        if self._sensed_monitor is not None:
+            self._sensed_monitor.assess(own, sensed, now, red_light_m, heading)
         self._request_braking(now)
 
     def _request_braking(self, now: float) -> None:
-        if self.brake_requester is not None:
-            self.brake_requester.assess(self.monitor.assessments, now)
+        if self.brake_requester is not None and self._sensed_monitor is not None:
+            sensed = self._sensed_monitor.assessments
+            self.brake_requester.assess(self.monitor.assessments, sensed, now)

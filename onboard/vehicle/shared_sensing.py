@@ -39,6 +39,7 @@ class SharedSensing:
         now: float,
         utc_offset_s: float,
         tracking: TrackingParameters = DEFAULTS,
+        tracks_sensed: bool = False,
     ) -> None:
         """Start without tracks.
 
@@ -50,12 +51,18 @@ class SharedSensing:
             now: time on the clock of the cores in s.
             utc_offset_s: UTC in seconds since 1970 less that time.
             tracking: parameters of the tracker.
+            tracks_sensed: whether what own sensors measure is tracked apart, too.
         """
         self._shared_in = settings.shared_in
         self._utc_offset_s = utc_offset_s
         self.transmitter = BsmTransmitter(size, pseudonym, rng, now)
         self.mvs = MultiVehicleSensing(
-            settings, pseudonym.temporary_id, rng, utc_offset_s, tracking=tracking
+            settings,
+            pseudonym.temporary_id,
+            rng,
+            utc_offset_s,
+            tracking=tracking,
+            tracks_sensed=tracks_sensed,
         )
 
     def set_utc_offset(self, utc_offset_s: float) -> None:

@@ -128,6 +128,7 @@ class Vehicle(Core):
             rng,
             now=now,
             utc_offset_s=utc_offset_s,
+            tracks_sensed=config.brake_request is not None,
         )
         self._access = (
             AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
@@ -259,7 +260,7 @@ class Vehicle(Core):
             case Position():
                 self._position = observation
                 self._intersections.receive_position(observation)
-        self._risk.receive_event(observation, now)
+        self._risk.receive_observation(observation, now)
         if self._access is not None:
             self._access.receive_observation(observation, now)
             self._take_access(now)
@@ -371,7 +372,12 @@ class Vehicle(Core):
         if self._claims is not None:
             perceived_objects = self._claims.alarming(perceived_objects, now)
         self._risk.assess(
-            host_vehicle, perceived_objects, now, heading=heading, red_light_m=red_light_m
+            host_vehicle,
+            perceived_objects,
+            now,
+            heading=heading,
+            sensed=mvs.sensed_objects(now),
+            red_light_m=red_light_m,
         )
         self._lcca.identification.receive_offsets(
             {}
@@ -398,7 +404,7 @@ class Vehicle(Core):
 
     def _take_reaction_time(self) -> None:
         if self._access is not None and self._access.reaction_s is not None:
-            self._risk.monitor.receive_reaction_time(self._access.reaction_s)
+            self._risk.receive_reaction_time(self._access.reaction_s)
 
     def _take_lcca(self, now: float) -> None:
         for event in self._lcca.take_events(now):

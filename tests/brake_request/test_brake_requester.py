@@ -1,5 +1,6 @@
 """Requests to brake: when they begin, what they ask for, and when they end."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,13 +13,12 @@ from onboard.brake_request.brake_requester import (
     HOLD_S,
     OLDEST_S,
     VALIDITY_S,
-    AlarmKey,
     BrakeRequest,
     BrakeRequester,
     RequestEvent,
     RequestState,
 )
-from onboard.brake_request.certainty import certainty_of
+from onboard.brake_request.certainty import AlarmKey, dangers
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.observations import Speed
 from onboard.risk.alarm import NOTHING, RELEASE_S, AlarmReason, Assessment, Level
@@ -52,6 +52,16 @@ def requester(speed_m_s: float | None = 20.0, **settings: Any) -> BrakeRequester
     return found
 
 
+def sense(core: BrakeRequester, found: Mapping[AlarmKey, Assessment], now: float) -> None:
+    """Assess what own sensors show, of which nothing comes by radio."""
+    core.assess(found, found, now)
+
+
+def tell(core: BrakeRequester, found: Mapping[AlarmKey, Assessment], now: float) -> None:
+    """Assess what messages tell, of which own sensors show nothing."""
+    core.assess(found, {}, now)
+
+
 def requests(core: BrakeRequester) -> list[BrakeRequest]:
     return list(iter(core.next_event, None))
 
@@ -63,7 +73,7 @@ def last(core: BrakeRequester) -> BrakeRequest:
 def requesting(**settings: float) -> BrakeRequester:
     """A requester that has put out one request at 0 s."""
     core = requester(**settings)
-    core.assess({FCW_ALARM: assessment()}, 0.0)
+    sense(core, {FCW_ALARM: assessment()}, 0.0)
     (begun,) = requests(core)
     assert begun.deceleration_m_s2 == 5.5
     return core
@@ -73,16 +83,16 @@ def cause(core: BrakeRequester, event: RequestEvent) -> None:
     """Make `event` happen, at a time when the request of `requesting` is still valid."""
     match event:
         case RequestEvent.CERTAIN:
-            core.assess({FCW_ALARM: assessment()}, 0.1)
+            sense(core, {FCW_ALARM: assessment()}, 0.1)
         case RequestEvent.LASTING:
-            core.assess({FCW_ALARM: assessment(Level.CAUTION)}, 0.1)
+            sense(core, {FCW_ALARM: assessment(Level.CAUTION)}, 0.1)
         case RequestEvent.NONE:
             now = HOLD_S + 0.1
             core.host.receive_observation(Speed(now, 20.0, 0.3, "obd"))
-            core.assess({FCW_ALARM: NOTHING}, now)
+            sense(core, {FCW_ALARM: NOTHING}, now)
         case RequestEvent.HOST_STANDS:
             core.host.receive_observation(Speed(0.1, 0.0, 0.3, "obd"))
-            core.assess({FCW_ALARM: assessment()}, 0.1)
+            sense(core, {FCW_ALARM: assessment()}, 0.1)
         case RequestEvent.UNASSESSED:
             core.handle_timer(VALIDITY_S)
 
@@ -117,34 +127,65 @@ def test_a_request_ends_unless_it_is_renewed() -> None:
     assert last(core) == BrakeRequest(VALIDITY_S, 0.0, 0.0, 0.0, 1, ())
 
 
-@pytest.mark.parametrize(
-    ("sources", "certainty"),
-    [
-        (("lead",), 0.9),
-        (("perceived_object:sensor",), 0.9),
-        (("lead", "perceived_object:sensor"), 0.9),
-        (("perceived_object:bsm",), 0.8),
-        (("bsm", "perceived_object:shared", "warning"), 0.8),
-        (("lead", "perceived_object:bsm"), 0.98),
-        (("speed",), 0.0),
-    ],
-)
-def test_certainty_is_that_of_the_sources(sources: tuple[str, ...], certainty: float) -> None:
-    settings = BrakeRequestSettings()
+BY_RADIO = "perceived_object:bsm"
 
-    assert certainty_of(FCW, assessment(Level.WARNING, 5.0, *sources), settings) == (
-        pytest.approx(certainty)
-    )
-    assert certainty_of(IMA, assessment(Level.WARNING, 0.5, *sources), settings) == (
-        pytest.approx(certainty / 2.0)
-    )
+
+def certainties(
+    alarms: Mapping[AlarmKey, Assessment], sensed: Mapping[AlarmKey, Assessment]
+) -> dict[bool, float]:
+    """Return those of the dangers by whether own sensors show them."""
+    found = dangers(alarms, sensed, BrakeRequestSettings())
+    return {each.is_sensed: round(each.certainty, 6) for each in found}
+
+
+@pytest.mark.parametrize("sources", [(BY_RADIO,), ("bsm", "perceived_object:shared", "warning")])
+def test_messages_are_one_source_however_many_there_are(sources: tuple[str, ...]) -> None:
+    reported = {FCW_ALARM: assessment(Level.WARNING, 5.0, *sources)}
+
+    assert certainties(reported, {}) == {False: 0.8}
+    assert certainties({IMA_ALARM: assessment(Level.WARNING, 0.5, *sources)}, {}) == {False: 0.4}
+
+
+@pytest.mark.parametrize("sources", [("lead",), ("perceived_object:sensor",)])
+def test_what_own_sensors_show_is_the_other_source(sources: tuple[str, ...]) -> None:
+    sensed = {FCW_ALARM: assessment(Level.WARNING, 5.0, *sources)}
+
+    assert certainties(sensed, sensed) == {True: 0.9}
+    sensed = {IMA_ALARM: assessment(Level.WARNING, 0.5, *sources)}
+    assert certainties(sensed, sensed) == {True: 0.45}
+
+
+def test_a_danger_that_both_show_is_more_certain() -> None:
+    sensed = {FCW_ALARM: assessment(Level.WARNING, 5.0, "lead")}
+    both = {FCW_ALARM: assessment(Level.WARNING, 6.0, "lead", BY_RADIO)}
+
+    assert certainties(both, sensed) == {True: 0.98, False: 0.8}
+
+
+@pytest.mark.parametrize("sensed_level", [Level.NONE, Level.CAUTION])
+def test_a_lead_that_only_messages_say_to_brake_requests_nothing(sensed_level: Level) -> None:
+    """A BSM from the place of the camera's lead, its speed falling, braked a car."""
+    core = requester()
+    alarms = {FCW_ALARM: assessment(Level.WARNING, 6.0, "lead", BY_RADIO)}
+    core.assess(alarms, {FCW_ALARM: assessment(sensed_level, 1.0, "lead")}, 0.0)
+
+    assert requests(core) == []
+
+
+def test_the_braking_requested_is_what_own_sensors_ask_for() -> None:
+    core = requester()
+    alarms = {FCW_ALARM: assessment(Level.WARNING, 6.0, "lead", BY_RADIO)}
+    core.assess(alarms, {FCW_ALARM: assessment(Level.WARNING, 5.1, "lead")}, 0.0)
+
+    found = last(core)
+    assert (found.deceleration_m_s2, round(found.certainty, 6)) == (5.1, 0.98)
 
 
 def test_by_default_radio_alone_requests_nothing() -> None:
     by_radio = {FCW_ALARM: assessment(Level.WARNING, 5.5, "perceived_object:bsm")}
     core, trusting = requester(), requester(least_certainty=0.7)
     for each in (core, trusting):
-        each.assess(by_radio, 0.0)
+        tell(each, by_radio, 0.0)
 
     assert requests(core) == []
     assert last(trusting).certainty == pytest.approx(0.8)
@@ -152,10 +193,10 @@ def test_by_default_radio_alone_requests_nothing() -> None:
 
 def test_crossing_paths_ask_for_the_configured_braking_if_p_c_is_high() -> None:
     core = requester(least_certainty=0.7, crossing_m_s2=4.0)
-    core.assess({IMA_ALARM: assessment(Level.WARNING, 0.8, "perceived_object:bsm")}, 0.0)
+    tell(core, {IMA_ALARM: assessment(Level.WARNING, 0.8, "perceived_object:bsm")}, 0.0)
     assert requests(core) == []
 
-    core.assess({IMA_ALARM: assessment(Level.WARNING, 0.95, "perceived_object:bsm")}, 0.1)
+    tell(core, {IMA_ALARM: assessment(Level.WARNING, 0.95, "perceived_object:bsm")}, 0.1)
 
     found = last(core)
     assert (found.deceleration_m_s2, found.causes) == (4.0, (IMA,))
@@ -164,7 +205,7 @@ def test_crossing_paths_ask_for_the_configured_braking_if_p_c_is_high() -> None:
 
 def test_the_hardest_braking_counts_and_is_limited() -> None:
     core = requester()
-    core.assess({FCW_ALARM: assessment(value=3.0), (EEBL, ""): assessment(value=20.0)}, 0.0)
+    sense(core, {FCW_ALARM: assessment(value=3.0), (EEBL, ""): assessment(value=20.0)}, 0.0)
 
     found = last(core)
     assert found.deceleration_m_s2 == 6.0
@@ -177,13 +218,13 @@ def test_the_request_stays_as_hard_as_ever_while_its_danger_lasts() -> None:
     for tenth in range(1, 20):
         now = tenth / 10.0
         core.host.receive_observation(Speed(now, 20.0, 0.3, "obd"))
-        core.assess({FCW_ALARM: assessment(Level.CAUTION, 0.5)}, now)
+        sense(core, {FCW_ALARM: assessment(Level.CAUTION, 0.5)}, now)
         assert last(core).deceleration_m_s2 == 5.5
 
 
 def test_harder_braking_is_asked_for_at_once() -> None:
     core = requesting()
-    core.assess({FCW_ALARM: assessment(value=5.9)}, 0.05)
+    sense(core, {FCW_ALARM: assessment(value=5.9)}, 0.05)
 
     assert last(core).deceleration_m_s2 == 5.9
 
@@ -191,14 +232,14 @@ def test_harder_braking_is_asked_for_at_once() -> None:
 def test_a_caution_of_another_danger_does_not_prolong_a_request() -> None:
     core = requesting()
     core.host.receive_observation(Speed(0.6, 20.0, 0.3, "obd"))
-    core.assess({IMA_ALARM: assessment(Level.CAUTION, 0.4)}, HOLD_S + 0.1)
+    sense(core, {IMA_ALARM: assessment(Level.CAUTION, 0.4)}, HOLD_S + 0.1)
 
     assert last(core).deceleration_m_s2 == 0.0
 
 
 def test_old_observations_request_nothing() -> None:
     core = requester()
-    core.assess({FCW_ALARM: assessment(age_s=OLDEST_S + 0.01)}, 0.0)
+    sense(core, {FCW_ALARM: assessment(age_s=OLDEST_S + 0.01)}, 0.0)
 
     assert requests(core) == []
 
@@ -208,7 +249,7 @@ def test_without_a_host_speed_nothing_is_requested(speed: Speed | None) -> None:
     core = requester(None)
     if speed is not None:
         core.host.receive_observation(speed)
-    core.assess({FCW_ALARM: assessment()}, 0.0)
+    sense(core, {FCW_ALARM: assessment()}, 0.0)
 
     assert requests(core) == []
 
@@ -217,21 +258,21 @@ def test_a_warning_of_the_brake_button_requests_nothing() -> None:
     core = requester(least_certainty=0.7)
     real = assessment(Level.WARNING, 4.0, "warning")
     test = replace(real, is_test=True)
-    core.assess({LCCA_ALARM: test}, 0.0)
+    tell(core, {LCCA_ALARM: test}, 0.0)
     assert requests(core) == []
 
-    core.assess({LCCA_ALARM: real}, 0.1)
+    tell(core, {LCCA_ALARM: real}, 0.1)
     assert last(core).deceleration_m_s2 == 4.0
 
-    core.assess({LCCA_ALARM: test}, 0.2)
-    core.assess({LCCA_ALARM: test}, 0.2 + HOLD_S)
+    tell(core, {LCCA_ALARM: test}, 0.2)
+    tell(core, {LCCA_ALARM: test}, 0.2 + HOLD_S)
     assert last(core).deceleration_m_s2 == 0.0
 
 
 def test_the_counter_wraps() -> None:
     core = requester()
     for _ in range(COUNTER_END + 1):
-        core.assess({FCW_ALARM: assessment()}, 0.0)
+        sense(core, {FCW_ALARM: assessment()}, 0.0)
 
     assert [each.counter for each in requests(core)][-3:] == [254, 255, 0]
 
@@ -257,7 +298,7 @@ def test_no_request_outlasts_its_alarm_nor_exceeds_its_limits(
         now = tenth / 10.0
         core.host.receive_observation(Speed(now, speed_m_s, 0.3, "obd"))
         core.handle_timer(now)
-        core.assess({FCW_ALARM: assessment(level, value, source, age_s=age_s)}, now)
+        sense(core, {FCW_ALARM: assessment(level, value, source, age_s=age_s)}, now)
         raised_at = raised_at if level is Level.NONE else now
         for each in requests(core):
             assert 0.0 <= each.deceleration_m_s2 <= settings.most_m_s2

@@ -12,11 +12,11 @@ import numpy as np
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import bsm
 from onboard.messages.bsm import BasicSafetyMessage
-from onboard.messages.bsm_core import CoreData, PositionalAccuracy
+from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.misbehaviour.signer_credibility import SignerIgnored
 from onboard.mvs.footer_coding import encode_within
-from onboard.observations import DetectionList, Position, Speed, VehicleDetection
+from onboard.observations import DetectionList, Lead, Position, Sensor, Speed, VehicleDetection
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
@@ -79,6 +79,7 @@ class Signer:
         *,
         temporary_id: bytes | None = None,
         brakes: bool = False,
+        acceleration_m_s2: float | None = None,
         footer: bytes | None = None,
     ) -> bytes:
         """Return a signed BSM in a WSM.
@@ -89,6 +90,7 @@ class Signer:
             now: the time.
             temporary_id: another one than the own.
             brakes: whether the hard braking flag is set.
+            acceleration_m_s2: that it claims.
             footer: of MVS.
         """
         self._sent += 1
@@ -103,6 +105,7 @@ class Signer:
             PositionalAccuracy(0.5, 0.5),
             speed_m_s=math.hypot(*velocity_m_s),
             heading_rad=math.atan2(*velocity_m_s) % math.tau,
+            acceleration=AccelerationSet(longitudinal_m_s2=acceleration_m_s2),
         )
         safety = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING) if brakes else None
         payload = bsm.encode(BasicSafetyMessage(core, safety, footer=footer))
@@ -127,7 +130,14 @@ class AttackedHost:
     """The host vehicle and its alarms."""
 
     def __init__(
-        self, keys: Credentials, utc_s: float, *, checks: bool = True, detector: bool = True
+        self,
+        keys: Credentials,
+        utc_s: float,
+        *,
+        checks: bool = True,
+        detector: bool = True,
+        camera: bool = False,
+        **settings: object,
     ) -> None:
         """Start at time 0, which is `utc_s`.
 
@@ -136,22 +146,27 @@ class AttackedHost:
             utc_s: seconds since 1970.
             checks: whether brakings and claims are checked.
             detector: whether it has one.
+            camera: the same.
+            settings: further ones of the vehicle, by the section of its configuration.
         """
         tree: dict[str, object] = {
             "car": {"plate": "AAA1"},
             "gnss": {},
             "security": {"plate_digest": {"scrypt_log2_n": 1}, "check_braking": checks},
+            **settings,
         }
         if detector:
             tree["detector"] = {}
         config = parse_settings(tree, CarConfig, "the attacked host")
         rng = np.random.default_rng(1)
-        sensors = config.sensors()
+        sensors = config.sensors() | ({Sensor.CAMERA} if camera else set())
         self.stack = Stack(config, sensors, rng, now=0.0, utc_s=utc_s, credentials=keys)
         self.now = 0.0
         self.north_m = 0.0
         self.seen: tuple[VehicleDetection, ...] = ()
         """By its detector."""
+        self.lead: Lead | None = None
+        """By its camera."""
         self.events: list[Event] = []
         self._has_detector = detector
 
@@ -164,6 +179,7 @@ class AttackedHost:
             inputs: list[Input] = [fix, Speed(self.now, SPEED_M_S, 0.1, "dbc")]
             if self._has_detector:
                 inputs.append(DetectionList(self.now, self.seen))
+            inputs += [] if self.lead is None else [self.lead]
             inputs += [ReceivedWsm(self.now, wsm) for send in senders for wsm in send(self.now)]
             self.events += self.stack.step(inputs, self.now).events
 

@@ -10,9 +10,10 @@ from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
+from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, AttackedHost, Place, Signer, claimed_id
+from sim_rig.studies.attacks.brake_claims import ClaimedBraking, OwnSensors, by_bsm, by_footer
 from sim_rig.studies.attacks.group_attacks import (
-    AttackCounts,
     group_brakings,
     group_ends,
     group_levels,
@@ -40,6 +41,10 @@ class AttackKind(StrEnum):
     GROUP_ENDS = "ends of the leader's brakings"
     GROUP_EARLY = "brakings of the leader before it brakes"
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
+    BRAKE_CAMERA = "brake requests by BSMs from the place of the camera's lead"
+    BRAKE_BOTH = "brake requests by BSMs from there, with a detector too"
+    BRAKE_DETECTOR = "brake requests by BSMs from the place of what a detector sees"
+    BRAKE_FOOTER = "brake requests by footers about what a detector sees"
 
 
 def run_host(
@@ -182,3 +187,10 @@ FORGERIES = {
     AttackKind.GROUP_BRAKINGS: group_brakings,
 }
 """What is forged in a warning group."""
+BRAKE_CLAIMS = {
+    AttackKind.BRAKE_CAMERA: ClaimedBraking(OwnSensors.CAMERA, by_bsm),
+    AttackKind.BRAKE_BOTH: ClaimedBraking(OwnSensors.BOTH, by_bsm),
+    AttackKind.BRAKE_DETECTOR: ClaimedBraking(OwnSensors.DETECTOR, by_bsm),
+    AttackKind.BRAKE_FOOTER: ClaimedBraking(OwnSensors.DETECTOR, by_footer),
+}
+"""What measures the lead vehicle, and what is claimed about it."""

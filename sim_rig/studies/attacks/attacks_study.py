@@ -12,7 +12,14 @@ from pydantic import Field
 
 from onboard.settings import Settings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.attacks.attacks import FORGERIES, START_UTC_S, AttackKind, run_host
+from sim_rig.studies.attacks.attacks import (
+    BRAKE_CLAIMS,
+    FORGERIES,
+    START_UTC_S,
+    AttackKind,
+    run_host,
+)
+from sim_rig.studies.attacks.brake_claims import run_brake_claims
 from sim_rig.studies.attacks.group_attacks import run_group
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 
@@ -99,6 +106,9 @@ def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
     if case.attack in FORGERIES:
         forgery = FORGERIES[case.attack]
         counts = run_group(forgery, seed, START_UTC_S, seconds, insiders, checks=checked)
+    elif case.attack in BRAKE_CLAIMS:
+        claimed = BRAKE_CLAIMS[case.attack]
+        counts = run_brake_claims(claimed, seed, START_UTC_S, seconds, insiders, checks=checked)
     else:
         counts = run_host(case.attack, seed, seconds, insiders, checks=checked)
     return AttackRow(case.attack, insiders, checked, seconds, **asdict(counts))

@@ -4,7 +4,7 @@ The forged messages are signed, name the group's leader, and use its next event 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +14,7 @@ from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
+from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import STEP_S, Signer
 from sim_rig.studies.attacks.attacked_group import BRAKING_S, FOLLOWERS, PLATES, AttackedGroup
 
@@ -31,20 +32,6 @@ LATEST_S = 1.0
 GroupForgery = Callable[[CarId, CarId, int, int], Iterator[LccaMessage]]
 """Messages that are forged at once: by the insider's and the leader's ID, the leader's newest event
 sequence number, and how often was forged before."""
-
-
-@dataclass(frozen=True, slots=True)
-class AttackCounts:
-    """What is counted in one attack."""
-
-    false_alarms: int
-    false_alarm_s: float
-    """For how long at least one was on."""
-    ignored: int
-    """Reports of signers that are ignored."""
-    true_alarms: int
-    """That are due."""
-    true_missed: int
 
 
 def run_group(

@@ -60,7 +60,7 @@ class WarningModel:
         if isinstance(observation, Lead):
             self._lead = observation
         self._host.receive_observation(observation)
-        self._response.receive_event(observation, now)
+        self._response.receive_observation(observation, now)
 
     def receive_bsm(self, message: BasicSafetyMessage, now: float) -> None:
         """Take the BSM of a remote vehicle."""
@@ -80,6 +80,7 @@ class WarningModel:
         cars: Sequence[PerceivedObject],
         now: float,
         heading: Heading | None = None,
+        sensed: Sequence[PerceivedObject] = (),
     ) -> list[DriverWarning]:
         """Evaluate all perceived objects.
 
@@ -88,11 +89,12 @@ class WarningModel:
             cars: its perceived objects.
             now: time of the evaluation.
             heading: of the host vehicle, kept at rest.
+            sensed: what its own sensors alone measure, for requests to brake.
 
         Returns:
             The active warnings, at most one of each cause.
         """
-        self._response.assess(own, cars, now, heading=heading)
+        self._response.assess(own, cars, now, heading=heading, sensed=sensed)
         self._objects |= {car.name: car for car in cars}
         while (event := self._response.monitor.next_event()) is not None:
             if isinstance(event, Alarm):

@@ -229,6 +229,7 @@ class Encounters:
             _mvs(case),
             seed,
             blocked=of.scene.blocked,
+            tracks_sensed=self._settings.brake_request is not None,
         )
         world.now = self._begin_s(of.event)
         return world

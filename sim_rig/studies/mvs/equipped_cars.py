@@ -107,7 +107,8 @@ class EquippedCars:
         for message in car.received:
             model.receive_bsm(message, world.now)
         self._hand_over_reports(name, model)
-        active = model.assess(own, objects, world.now, mvs.heading(world.now))
+        heading, sensed = mvs.heading(world.now), mvs.sensed_objects(world.now)
+        active = model.assess(own, objects, world.now, heading, sensed)
         for request in model.take_brake_requests():
             begin_s = request.stamp_s + BRAKE_DELAY_S
             until_s = begin_s + request.valid_s

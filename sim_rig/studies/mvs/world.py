@@ -163,6 +163,7 @@ class MvsWorld:
         blocked: Blocked | None = None,
         tracking: TrackingParameters = DEFAULTS,
         records_measurements: bool = False,
+        tracks_sensed: bool = False,
     ) -> None:
         """Start at time 0.
 
@@ -175,12 +176,14 @@ class MvsWorld:
             blocked: occlusion by buildings; None for none.
             tracking: parameters of every tracker.
             records_measurements: whether `measurements` is filled.
+            tracks_sensed: whether every car tracks apart, too, what its own sensors measure.
         """
         self.traffic = traffic
         self.equipped = equipped
         self.settings = settings
         self._mvs_settings = mvs
         self._tracking = tracking
+        self._tracks_sensed = tracks_sensed
         self._blocked = blocked
         self._seed = seed
         self._rng = np.random.default_rng(seed)
@@ -257,6 +260,7 @@ class MvsWorld:
             now=0.0,
             utc_offset_s=START_UTC_S,
             tracking=self._tracking,
+            tracks_sensed=self._tracks_sensed,
         )
         bus = SampledBus(self.settings.bus_speed_step_m_s)
         self.cars[name] = car = WorldCar(sharing, bus, phase_s)

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_rig.studies.attacks.attacks import AttackKind
+from sim_rig.studies.attacks.attacks import BRAKE_CLAIMS, START_UTC_S, AttackKind
 from sim_rig.studies.attacks.attacks_study import STUDY, AttacksSettings
+from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
 from sim_rig.studies.campaigns.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
@@ -56,3 +57,13 @@ def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
 
     (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
     assert row.startswith('"crossing vehicle, by footer",2,True,1,30,6,')
+
+
+@pytest.mark.parametrize("attack", BRAKE_CLAIMS)
+def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKind) -> None:
+    """A BSM from the place of the camera's lead, its speed falling, braked a car each time."""
+    counts = run_brake_claims(
+        BRAKE_CLAIMS[attack], (1,), START_UTC_S, 4.0 * LEAD_EVERY_S, insiders=2, checks=True
+    )
+
+    assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)

@@ -111,7 +111,8 @@ def test_a_car_requests_to_brake_for_what_its_own_sensors_see(
         if tick < 0:
             continue
         seen = replace(car("lead", 35.0, 0.0), stamp_s=now, source=source)
-        model.assess(car("own", 0.0, SPEED_M_S), [seen], now)
+        sensed = [seen] if source is ObjectSource.SENSOR else []
+        model.assess(car("own", 0.0, SPEED_M_S), [seen], now, sensed=sensed)
         requested += model.take_brake_requests()
 
     assert bool(requested) is brakes

@@ -1,0 +1,17 @@
+"""What is counted in one attack."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class AttackCounts:
+    """What is counted in one attack."""
+
+    false_alarms: int
+    false_alarm_s: float
+    """For how long at least one was on."""
+    ignored: int
+    """Reports of signers that are ignored."""
+    true_alarms: int
+    """That are due."""
+    true_missed: int
