@@ -71,7 +71,7 @@ def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_constant_and_file_that_a_page_names_exists(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    constants = re.findall(r"`(_?[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+)`", text)
+    constants = re.findall(r"`(_?[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+|[A-Z]{4,})`", text)
     files = re.findall(r"`(\w[\w./-]*\.(?:py|yaml))`", text)
     settings = re.findall(r"`(?:[a-z_]+\.)*([a-z]+(?:_[a-z0-9]+)+)`", text)
 
