@@ -5,6 +5,7 @@ extra `rig` they work.
 """
 
 import errno
+import math
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -127,6 +128,56 @@ def ladder(
 
     with _writing(out):
         outcome = climb(scenario, out, box or ())
+    raise typer.Exit(outcome)
+
+
+@app.command()
+def play(
+    recording: Annotated[
+        list[Path] | None,
+        typer.Argument(help="A black box recording: the files of one drive, or their folder."),
+    ] = None,
+    *,
+    box: Annotated[
+        Path, typer.Option(help="The file of a box; its name without .yaml is the car's.")
+    ],
+    can: Annotated[Path | None, typer.Option(help="A CAN log: candump, ASC, BLF, TRC.")] = None,
+    clip: Annotated[
+        str | None, typer.Option(help="The camera's video, or a folder or glob of images.")
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames a second, for images, or if the video states a wrong rate."),
+    ] = None,
+    gnss: Annotated[
+        Path | None, typer.Option(help="A GNSS receiver's log: NMEA, or gpsd's reports.")
+    ] = None,
+    pcap: Annotated[Path | None, typer.Option(help="A capture of WSMs: pcap or pcapng.")] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="The box's configuration, to replay logs and clips with."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.0, help="How much of the drive is played at most.")
+    ] = math.inf,
+    out: Annotated[Path, typer.Option(help="Folder for recordings and logs.")] = Path("out"),
+) -> None:
+    """Play a recorded drive on the wires of a box, and compare its decisions with a replay.
+
+    Give a black box recording, or any of --can, --clip, --gnss and --pcap together. Exit with 1 if
+    the box decided otherwise, and with 3 if it could not be judged.
+    """
+    from onboard.tools.replay import RawRecording  # noqa: PLC0415 (see above)
+    from sim_rig.runs.play import black_box_source, play_drive, raw_source  # noqa: PLC0415
+
+    raw = RawRecording(can, clip, fps, gnss, pcap)
+    if bool(recording) == bool(raw.sensors()):
+        raise UserError(
+            "give either a recording of the black box, or any of --can, --clip, --gnss and --pcap"
+        )
+    source = black_box_source(recording) if recording else raw_source(raw, config)
+    with _writing(out):
+        outcome = play_drive(source, box, out, seconds)
     raise typer.Exit(outcome)
 
 

@@ -1,7 +1,8 @@
 #!/bin/sh
-# A box without hardware: a daemon in namespaces with a network address and a monotonic clock of its
-# own, on the wires of red.yaml; the bus is served by socketcand. Needs no root, util-linux and
-# iproute2; sim-rig and onboard are those of the PYTHON that is given.
+# A box without hardware: a daemon in namespaces with a network address and clocks of its own, on the
+# wires of red.yaml; the bus is served by socketcand. Needs no root, util-linux and iproute2; sim-rig
+# and onboard are those of the PYTHON that is given. Afterwards the recording of the box, with its
+# pictures, is played onto its wires: does it decide the same again?
 #
 #   PYTHON=.venv/bin/python examples/box/namespaces.sh [ladder SCENARIO | run SCENARIO [OPTION]...]
 set -eu
@@ -11,6 +12,7 @@ if [ -z "${IN_NAMESPACES:-}" ]; then
 fi
 here=$(dirname "$0")
 [ $# -gt 0 ] || set -- ladder fig4
+case $1 in ladder) rung=box ;; *) rung=live ;; esac
 folder=out/box
 rm -rf "$folder"
 mkdir -p "$folder"
@@ -18,12 +20,15 @@ served='s|^bus:.*|bus: {host: 192.168.77.1, port: 29536}|'
 sed -e "$served" -e '/^fetch:/d' -e "s|^recording:.*|recording: $folder/drive|" \
     -e "s|^keys:.*|keys: $folder/trial|" "$here/red.yaml" > "$folder/red.yaml"
 bus='can: {interface: socketcand, channel: can0, host: 192.168.77.1, port: 29536}'
+recorder="recorder: {folder: $folder/drive, pictures_hz: 30, picture_quality: 95}"
 sed -e "s|^can:.*|$bus|" -e "s|/etc/onboard/keys|$folder/trial/red|" \
-    -e "s|/var/lib/onboard/drive|$folder/drive|" "$here/car.yaml" > "$folder/car.yaml"
+    -e "s|^recorder:.*|$recorder|" "$here/car.yaml" > "$folder/car.yaml"
 
-unshare --net --time --monotonic 1000 sh -c '
-    until "$0" -m onboard run "$1"; do sleep 1; done
-' "$PYTHON" "$folder/car.yaml" > "$folder/car.log" 2>&1 &
+# The daemon, with the UTC of a file, restarted as by systemd.
+onboard="$PYTHON -m sim_rig.processes.settable_clock $folder/utc run $folder/car.yaml"
+unshare --net --time --monotonic 1000 sh -c "
+    until $onboard & echo \$! > $folder/daemon; wait \$!; do sleep 1; done; exec sleep 3600
+" > "$folder/car.log" 2>&1 &
 box=$!
 ip link set lo up
 until [ "$(readlink "/proc/$box/ns/net")" != "$(readlink /proc/self/ns/net)" ]; do sleep 0.1; done
@@ -35,5 +40,13 @@ nsenter --target "$box" --net sh -c '
 '
 "$PYTHON" -m sim_rig doctor "$folder/red.yaml" --out "$folder"
 "$PYTHON" -m sim_rig "$@" --box "red=$folder/red.yaml" --out "$folder"
-case $1 in ladder) rung=box ;; *) rung=live ;; esac
-"$PYTHON" -m onboard replay --expect "$folder/$2-$rung/box/red"
+recording=$folder/$2-$rung/box/red
+"$PYTHON" -m onboard replay --expect "$recording"
+
+kill "$(cat "$folder/daemon")"
+cat >> "$folder/red.yaml" <<END
+start: [nsenter, --target, "$box", --net, $(echo "$onboard" | sed 's/ /, /g')]
+set_clock: [sh, -c, "echo {utc} > $folder/utc"]
+END
+"$PYTHON" -m sim_rig play "$recording" --box "$folder/red.yaml" --out "$folder"
+"$PYTHON" -m onboard replay --expect "$folder/red-played/box/red"

@@ -27,7 +27,7 @@ from onboard.tools.see.cli import see
 from onboard.tools.test_ca.cli import keys
 from onboard.tools.version import VersionOption
 from onboard.trace.trace_line import as_line
-from onboard.vehicle.config import CarConfig, CarSettings
+from onboard.vehicle.config import CarConfig
 
 app = typer.Typer(
     help="The in-car daemon that warns the driver, and its tools.",
@@ -35,8 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
-"""Configuration of a replay without `--config`."""
+_RAW_OPTIONS = "--can, --clip, --gnss and --pcap"
 
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Severities of syslog (RFC 5424, table 2), by structlog's names."""
@@ -109,9 +108,12 @@ def replay(
             " protocol, if gpsdecode is installed.",
         ),
     ] = None,
+    pcap: Annotated[
+        Path | None, typer.Option(help="A capture of WSMs: pcap or pcapng, as `export` writes.")
+    ] = None,
     config: Annotated[
         Path | None,
-        typer.Option(help="The car's configuration (camera, radio, ...). No device is opened."),
+        typer.Option(help="The car's configuration (camera, keys, ...). No device is opened."),
     ] = None,
     fps: Annotated[
         float | None,
@@ -138,15 +140,16 @@ def replay(
 ) -> None:
     """Replay a recorded drive; print observations and decisions, one JSON object a line.
 
-    Give a black box recording (BOX), or any of --can, --clip and --gnss together. A clip has no
-    time of its own: it starts at the first CAN frame, or else at the first fix.
+    Give a black box recording (BOX), or any of --can, --clip, --gnss and --pcap together. A clip
+    has no time of its own: it starts at the first CAN frame, or else at the first fix or WSM.
     """
-    if (box or expected) and (can or clip or gnss):
-        raise UserError("give either a recording of the black box, or --can, --clip and --gnss")
+    raw = drive.RawRecording(can, clip, fps, gnss, pcap)
+    if (box or expected) and raw.sensors():
+        raise UserError(f"give either a recording of the black box, or {_RAW_OPTIONS}")
     if expected and not box:
         raise UserError("--expect needs a recording of the black box")
-    if not (box or can or clip or gnss):
-        raise UserError("nothing to replay: give a recording, or any of --can, --clip and --gnss")
+    if not (box or raw.sensors()):
+        raise UserError(f"nothing to replay: give a recording, or any of {_RAW_OPTIONS}")
     if expected:
         raise typer.Exit(0 if expect(box or [], within) else 1)
     if box:
@@ -154,8 +157,8 @@ def replay(
         for event in drive.in_real_time(recorded) if realtime else recorded:
             typer.echo(as_line(event))
         return
-    car = load_settings(config, CarConfig) if config is not None else UNCONFIGURED
-    events = drive.replay(drive.RawRecording(can, clip, fps, gnss), car)
+    car = load_settings(config, CarConfig) if config is not None else drive.UNCONFIGURED
+    events = drive.replay(raw, car)
     for event in drive.in_real_time(events) if realtime else events:
         typer.echo(as_line(event))
 

@@ -1,4 +1,4 @@
-"""Replays CAN logs, video clips and GNSS logs through the cores."""
+"""Replays CAN logs, video clips, GNSS logs and captures of WSMs through the cores."""
 
 import heapq
 import time
@@ -15,17 +15,22 @@ from onboard.gnss.gnss_log import read_gnss_log
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded, Sensor
+from onboard.security.key_files import read_own_credentials
 from onboard.settings import parse_settings
-from onboard.step import Input
+from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
-from onboard.vehicle.config import CarConfig
+from onboard.vehicle.config import CarConfig, CarSettings
 from onboard.vehicle.stack import Stack
 from onboard.vision.camera import open_recorded
 from onboard.vision.networks import load_perception
 from onboard.vision.settings import CameraSettings
+from onboard.wave_udp.capture import OWN_MAC, CaptureError, Packet, read_capture
 
 LONGEST_PAUSE_S = 86_400.0
 """Longest gap between two inputs in s; a vehicle may be parked overnight in a recording."""
+
+UNCONFIGURED = CarConfig(car=CarSettings(plate="REPLAY"))
+"""Configuration of a replay that is given none."""
 
 _Stamped = tuple[float, int, Input]
 """Time in s, number of the source (which orders inputs of one time), and the input."""
@@ -43,18 +48,25 @@ class RawRecording:
     """Frame rate in Hz; needed for images, and for videos that state a wrong rate."""
     gnss: Path | None = None
     """A GNSS receiver's NMEA sentences or binary log, or gpsd's reports."""
+    pcap: Path | None = None
+    """A capture of WSMs (pcap or pcapng), stamped in UTC."""
 
     def sensors(self) -> frozenset[Sensor]:
         """Return the recorded sensors."""
-        recordings = {Sensor.SPEED: self.can, Sensor.CAMERA: self.clip, Sensor.POSITION: self.gnss}
+        recordings = {
+            Sensor.SPEED: self.can,
+            Sensor.CAMERA: self.clip,
+            Sensor.POSITION: self.gnss,
+            Sensor.RADIO: self.pcap,
+        }
         return frozenset(sensor for sensor, recorded in recordings.items() if recorded is not None)
 
 
 def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     """Yield the observations and decisions of the cores, in order of time.
 
-    CAN frames and fixes have time stamps. A clip has none: it starts with the first CAN
-    frame, else with the first fix, else at 0.
+    All but a clip have time stamps: it starts with the first CAN frame, else with the first fix,
+    else with the first WSM, else at 0.
 
     Raises:
         UserError: there is nothing to replay, a file cannot be read, or inputs are more than
@@ -63,7 +75,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        raise UserError("nothing to replay: no readable CAN frame, image or fix")
+        raise UserError("nothing to replay: no readable CAN frame, image, fix or WSM")
     # No OBD requests: the recording holds the requests of the drive and their responses.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
@@ -72,6 +84,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
         np.random.default_rng(config.seed or 0),
         now=first[0],
         utc_s=first[0],
+        credentials=read_own_credentials(config.security, config.psids) if recording.pcap else None,
         signals=read_signals(config.obd.broadcast),
     )
     now = first[0]
@@ -103,6 +116,7 @@ def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[_Stamped]:
     stamped = [
         *([_from_can(recording.can)] if recording.can is not None else []),
         *([_from_gnss(recording.gnss)] if recording.gnss is not None else []),
+        *([_from_capture(recording.pcap)] if recording.pcap is not None else []),
     ]
     sources: list[Iterator[_Stamped]] = []
     begins_s: list[float] = []
@@ -156,3 +170,27 @@ def _check_shape(clip: str, image: npt.NDArray[np.uint8], camera: CameraSettings
 def _from_gnss(path: Path) -> Iterator[_Stamped]:
     for event in read_gnss_log(path):
         yield event.stamp_s, 2, event
+
+
+def _from_capture(path: Path) -> Iterator[_Stamped]:
+    for packet in received_packets(path):
+        assert packet.message is not None  # noqa: S101 (those are left out)
+        yield packet.utc_s, 3, ReceivedWsm(packet.utc_s, packet.message)
+
+
+def received_packets(path: Path) -> Iterator[Packet]:
+    """Yield the packets of a capture that have a message, but those that the host vehicle sent.
+
+    Raises:
+        UserError: it cannot be read.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        for packet in read_capture(data):
+            if packet.message is not None and packet.sender != OWN_MAC:
+                yield packet
+    except CaptureError as error:
+        raise UserError(f"{path}: {error}") from error

@@ -44,6 +44,8 @@ class Packet:
     message: bytes | None
     """The WSM or GeoNetworking packet of a link-layer frame, or the content of a UDP datagram;
     `None` if it is none of them."""
+    sender: bytes | None = None
+    """MAC address of the sender of an Ethernet frame, 6 bytes."""
 
 
 class PcapWriter:
@@ -105,7 +107,7 @@ def _read_pcap(data: bytes) -> Iterator[Packet]:
     while position < len(data):
         seconds, fraction, size, _ = struct.unpack_from(order + "IIII", data, position)
         frame, position = _cut(data, position + 16, size)
-        yield Packet(seconds + fraction * unit_s, _message_in(frame, link_type & 0xFFFF))
+        yield _packet(seconds + fraction * unit_s, frame, link_type & 0xFFFF)
 
 
 _SECTION_HEADER, _INTERFACE_DESCRIPTION, _ENHANCED_PACKET = 0x0A0D0D0A, 1, 6
@@ -152,7 +154,7 @@ def _enhanced_packet(block: bytes, order: str, interfaces: list[tuple[int, float
         raise CaptureError(f"interface {interface} is not described")
     link_type, unit_s = interfaces[interface]
     frame, _ = _cut(block, 28, size)
-    return Packet((high << 32 | low) * unit_s, _message_in(frame, link_type))
+    return _packet((high << 32 | low) * unit_s, frame, link_type)
 
 
 def _cut(data: bytes, position: int, size: int) -> tuple[bytes, int]:
@@ -168,6 +170,11 @@ _ETHERTYPE_AT = {
     LINKTYPE_LINUX_SLL2: (0, 20),
 }
 """Offsets of the EtherType and of the frame content, by link type."""
+
+
+def _packet(utc_s: float, frame: bytes, link_type: int) -> Packet:
+    sender = frame[6:12] if link_type == LINKTYPE_ETHERNET else None
+    return Packet(utc_s, _message_in(frame, link_type), sender)
 
 
 def _message_in(frame: bytes, link_type: int) -> bytes | None:

@@ -62,6 +62,11 @@ class BoxComputer:
             with self._output.open("wb") as output:
                 self._started = await start_command(f"{self._car}: start", self._box.start, output)
 
+    @property
+    def is_starting(self) -> bool:
+        """Whether `start` still runs, as it does as long as its daemon, or until that is ready."""
+        return self._started is not None and self._started.returncode is None
+
     def check(self) -> None:
         """Raise `UserError` if `start` has failed, with the last line that it printed."""
         if self._started is not None and self._started.returncode:
@@ -115,6 +120,16 @@ class BoxComputer:
         if self._box.power is not None:
             command = self._box.power.restore
             await run_command(f"{self._car}: power.restore", command, SWITCHED_WITHIN_S)
+
+    async def set_clock(self, utc_s: float) -> None:
+        """Run `set_clock` with this UTC, s since 1970.
+
+        Raises:
+            UserError: it has failed.
+        """
+        if self._box.set_clock is not None:
+            command = [word.replace("{utc}", f"{utc_s:.3f}") for word in self._box.set_clock]
+            await run_command(f"{self._car}: set_clock", command, SWITCHED_WITHIN_S)
 
     async def finish(self) -> str | None:
         """Copy the recording, and end what was started.

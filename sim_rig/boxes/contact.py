@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from onboard.errors import DecodeError
+from onboard.errors import DecodeError, UserError
 from onboard.messages import bsm
 from onboard.messages.bsm_core import CoreData
 from onboard.security import ieee1609dot2
@@ -17,6 +17,10 @@ from sim_rig.scenario.schema import Scenario
 
 _NO_WSM = -1
 _NAMES = {psid.BSM: "BSM", psid.LCCA: "LCCA", _NO_WSM: "no WSM"}
+
+
+class BoxNotReadyError(UserError):
+    """A box did not use all of its wires in time."""
 
 
 @dataclass

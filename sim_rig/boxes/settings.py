@@ -57,6 +57,9 @@ class BoxSettings(WireSettings):
     `[ssh, -tt, BOX, onboard, run, car.yaml]`. If it still runs at the end, it gets SIGTERM."""
     stop: Command | None = None
     """Ends what `start` has left behind, before `fetch`."""
+    set_clock: Command | None = None
+    """Sets the UTC of the box to that of a drive that is played (`sim-rig play`), of which `{utc}`
+    is in s since 1970: `[ssh, "root@BOX", date, -us, "@{utc}"]`."""
     power: PowerSettings | None = None
     """Required in a scenario with `power_cut` of this car."""
     ready_within_s: float = Field(60.0, gt=0.0, le=600.0)

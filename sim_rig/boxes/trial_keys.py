@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
+from onboard.recorder.header import RecordingHeader
 from onboard.security.credentials import Authority, Credentials
 from onboard.security.key_files import (
     read_authority,
@@ -57,16 +59,46 @@ def run_credentials(
     return trial
 
 
+def make_keys_of_drive(folder: Path, header: RecordingHeader) -> None:
+    """Make keys for a box that plays a recorded drive, unless there are some in its `folder`.
+
+    They are of a new authority, valid at the time of the drive, and trust those of the drive: a
+    recording has no private keys.
+
+    Raises:
+        UserError: the folder cannot be written, or a certificate of the drive cannot be read.
+    """
+    of_drive = header.credentials()
+    if of_drive is None or folder.exists():
+        return
+    folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    issuing = _new_authority(header.utc_s)
+    own = make_pseudonyms(
+        issuing, _BOX_PSEUDONYMS, psid.OF_VEHICLES, **_valid(header.utc_s, _BOX_DAYS)
+    )
+    trusting = replace(
+        own,
+        roots=own.roots + of_drive.roots,
+        authorities=own.authorities + of_drive.authorities,
+        crls=of_drive.crls,
+    )
+    write_credentials(folder, trusting)
+
+
 def _authority(folder: Path) -> Authority:
     """Read the authority of a trial, or make one in a new folder."""
     if folder.exists():
         return read_authority(folder / "issuing")
     folder.mkdir(mode=0o700, parents=True)
-    valid = _valid(time.time(), 365)
-    root = make_root("trial root", psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS, **valid)
-    issuing = make_issuing(root, "trial issuing", **valid)
+    issuing = _new_authority(time.time())
     write_authority(folder / "issuing", issuing)
     return issuing
+
+
+def _new_authority(utc_s: float) -> Authority:
+    valid = _valid(utc_s, 365)
+    root = make_root("trial root", psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS, **valid)
+    return make_issuing(root, "trial issuing", **valid)
 
 
 def _valid(utc_s: float, days: float) -> Validity:

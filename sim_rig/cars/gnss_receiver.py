@@ -5,23 +5,17 @@ speed and course come from a noisy velocity. Fixes are at multiples of the fix i
 of real receivers, and are sent after a latency as GGA, GST and RMC.
 """
 
-import datetime as dt
 import math
 from collections.abc import Callable
-from functools import reduce
-from operator import xor
 
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from onboard.kinematics.units import KNOT
+from sim_rig.cars.nmea_sentences import Fix, sentences
 from sim_rig.roads.earth import ORIGIN_HEIGHT_M, to_degrees
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
-GEOID_M = 46.0
-"""Height of the geoid above the ellipsoid."""
-HDOP = 0.9
 _AXES = np.array([1.0, 1.0, 2.0])
 """Scale of the errors east, north and up."""
 
@@ -107,30 +101,14 @@ class GnssReceiver:
         height_m: float,
         velocity_m_s: tuple[float, float],
     ) -> bytes:
-        utc = dt.datetime.fromtimestamp(utc_s, dt.UTC)
-        time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
-        latitude, longitude = map(float, place_deg)
-        place = f"{_degrees(latitude, 'NS', 2)},{_degrees(longitude, 'EW', 3)}"
-        sigma_m = math.hypot(self._settings.bias_sigma_m, self._settings.noise_sigma_m)
-        knots = math.hypot(*velocity_m_s) / KNOT
-        course_deg = math.degrees(math.atan2(*velocity_m_s)) % 360.0
-        return b"".join(
-            map(
-                _sentence,
-                (
-                    f"GNGGA,{time},{place},1,12,{HDOP},{height_m - GEOID_M:.3f},M,{GEOID_M},M,,",
-                    f"GNGST,{time},,,,,{sigma_m:.2f},{sigma_m:.2f},{2 * sigma_m:.2f}",
-                    f"GNRMC,{time},A,{place},{knots:.3f},{course_deg:.3f},{utc:%d%m%y},,,A",
-                ),
-            )
+        latitude_deg, longitude_deg = map(float, place_deg)
+        fix = Fix(
+            utc_s=utc_s,
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            height_m=height_m,
+            sigma_m=math.hypot(self._settings.bias_sigma_m, self._settings.noise_sigma_m),
+            speed_m_s=math.hypot(*velocity_m_s),
+            course_deg=math.degrees(math.atan2(*velocity_m_s)) % 360.0,
         )
-
-
-def _degrees(angle_deg: float, hemispheres: str, digits: int) -> str:
-    """Format as `dddmm.mmmmmmm,h`; the last digit is 0.2 mm."""
-    whole, minutes = divmod(round(abs(angle_deg) * 60.0, 7), 60.0)
-    return f"{int(whole):0{digits}d}{minutes:010.7f},{hemispheres[angle_deg < 0.0]}"
-
-
-def _sentence(text: str) -> bytes:
-    return f"${text}*{reduce(xor, text.encode('ascii')):02X}\r\n".encode("ascii")
+        return sentences(fix)

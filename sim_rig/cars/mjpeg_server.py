@@ -16,6 +16,7 @@ from aiohttp import web
 from onboard.hmi.feed import Feed
 
 _BOUNDARY = "picture"
+STREAM_TYPE = f"multipart/x-mixed-replace; boundary={_BOUNDARY}"
 _SCREEN = Path(__file__).with_name("screen.html")
 
 
@@ -74,7 +75,7 @@ class MjpegServer:
             jpeg = await loop.run_in_executor(self._painter, self._jpegs[car], now)
             self._taken[car].publish(jpeg)
             try:
-                await response.write(_part(jpeg))
+                await response.write(part(jpeg))
             except ConnectionError:
                 break
             self._on_sent(car, time.monotonic() - next_at)
@@ -87,7 +88,7 @@ class MjpegServer:
         with contextlib.suppress(ConnectionError):
             while True:
                 number, jpeg = await taken.after(number)
-                await response.write(_part(jpeg))
+                await response.write(part(jpeg))
         return response
 
     async def _screen(self, request: web.Request) -> web.Response:
@@ -104,13 +105,12 @@ class MjpegServer:
 
     async def _answer(self, request: web.Request) -> tuple[str, web.StreamResponse]:
         car = self._car(request)
-        response = web.StreamResponse(
-            headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"}
-        )
+        response = web.StreamResponse(headers={"Content-Type": STREAM_TYPE})
         await response.prepare(request)
         return car, response
 
 
-def _part(jpeg: bytes) -> bytes:
+def part(jpeg: bytes) -> bytes:
+    """Return an image as part of a stream."""
     head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
     return head.encode() + jpeg + b"\r\n"

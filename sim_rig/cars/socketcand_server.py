@@ -39,7 +39,7 @@ class SocketcandServer:
         self,
         ecu: BusNode,
         bus: str,
-        on_answer: Callable[[CanFrame], None],
+        on_answer: Callable[[CanFrame], None] = lambda _frame: None,
         on_late: Callable[[float], None] = lambda _late_s: None,
     ) -> None:
         """Serve a bus.
@@ -62,6 +62,15 @@ class SocketcandServer:
         """Listen, and return the port."""
         self._server = await asyncio.start_server(self._serve, host, port)
         return int(self._server.sockets[0].getsockname()[1])
+
+    @property
+    def clients(self) -> int:
+        """How many receive the bus now."""
+        return len(self._clients)
+
+    def send(self, frame: CanFrame) -> None:
+        """Put a frame of another unit on the bus."""
+        self._put_on_bus(frame)
 
     async def close(self) -> None:
         """Stop listening, and close all connections."""

@@ -1,6 +1,7 @@
 """An external vehicle detector, which sends its detections of each image as JSON."""
 
 import json
+from collections.abc import Iterable
 
 from onboard.observations import VehicleDetection
 from sim_rig.cars.vehicle_camera import VehicleCamera
@@ -30,8 +31,19 @@ class ExternalDetector:
         if now < self.get_timer():
             return b""
         at, self._image_at = self._image_at, self._image_at + self._camera.interval_s
-        cars = [_as_object(detection) for detection in self._camera.detect(at)]
-        return json.dumps({"sent_s": now, "age_s": now - at, "cars": cars}).encode()
+        return datagram(self._camera.detect(at), at, now)
+
+
+def datagram(detections: Iterable[VehicleDetection], at_s: float, sent_s: float) -> bytes:
+    """Return a list of detections in the format of `onboard.detector`.
+
+    Args:
+        detections: of one image.
+        at_s: time of the image, s.
+        sent_s: time of sending on the same clock, s.
+    """
+    cars = [_as_object(detection) for detection in detections]
+    return json.dumps({"sent_s": sent_s, "age_s": sent_s - at_s, "cars": cars}).encode()
 
 
 def _as_object(detection: VehicleDetection) -> dict[str, float]:

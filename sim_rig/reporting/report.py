@@ -1,7 +1,7 @@
 """Text report of a run: timeline, warnings, perceived objects, discarded messages, latencies."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from rich import box
 from rich.console import Console
@@ -10,6 +10,7 @@ from rich.table import Table
 from sim_rig.reporting.verdict import Outcome, Verdict
 from sim_rig.run_log.ground_truth import MatchedObject, match_object, perceived_objects, touch_s
 from sim_rig.run_log.latency_ledger import ledger
+from sim_rig.run_log.lateness import LatenessLine
 from sim_rig.run_log.picture_delay import picture_delay
 from sim_rig.run_log.run_log import Record, RunLog
 from sim_rig.scenario.schema import Scenario
@@ -38,7 +39,13 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
     if scenario.gnss is not None:
         console.print(_perceived(log, scenario.duration_s))
     pictures = _picture_delays(scenario, log)
-    for table in (_discards(log), _ledger(log), pictures, _clocks(log), _lateness(log)):
+    for table in (
+        _discards(log),
+        _ledger(log),
+        pictures,
+        _clocks(log),
+        lateness_table(log.lateness),
+    ):
         if table.row_count:
             console.print(table)
     for car, notes in log.notes.items():
@@ -227,10 +234,11 @@ def _clocks(log: RunLog) -> Table:
     return table
 
 
-def _lateness(log: RunLog) -> Table:
+def lateness_table(lines: Iterable[LatenessLine]) -> Table:
+    """Table of how late the rig was."""
     numbers = ("n", "p50 ms", "p99 ms", "limit ms", "missed")
     table = _empty_table("Lateness of the rig", ("what", *numbers), numbers)
-    for line in log.lateness:
+    for line in lines:
         table.add_row(
             line.what,
             str(line.n),

@@ -7,6 +7,7 @@ import numpy as np
 
 LIMITS_S: Mapping[str, float] = {
     "ECU answer": 0.046,
+    "CAN frame": 0.046,
     "picture": 0.1,
     "fix": 0.05,
     "detection": 0.05,
@@ -14,8 +15,9 @@ LIMITS_S: Mapping[str, float] = {
     "other car": 0.02,
 }
 """Lateness that a device at the end of this wire might have too. An ECU may answer 0.05 s after the
-request (ISO 15765-4, P2 CAN), of which the rig's plans 0.004 s; a picture is late by an interval of
-the camera; the others are a small part of the 0.1 s between two BSMs."""
+request (ISO 15765-4, P2 CAN), of which the rig's plans 0.004 s; a frame that is played may be its
+answer; a picture is late by an interval of the camera; the others are a small part of the 0.1 s
+between two BSMs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,10 @@ import typer
 from onboard.settings import load_settings
 from onboard.tools.doctor.computer import examine_program
 from onboard.tools.doctor.finding import Finding
+from sim_rig.boxes.contact import BoxNotReadyError
 from sim_rig.boxes.doctor import doctor_scenario, findings_of_drive
 from sim_rig.boxes.settings import BoxSettings, load_boxes
-from sim_rig.runs.live import BoxNotReadyError, LiveTestbench
+from sim_rig.runs.live import LiveTestbench
 from sim_rig.runs.terminated import run_until_terminated
 
 

@@ -61,7 +61,7 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     console.print(_latencies(logs))
     for lower, higher in pairwise(logs):
         found = compare(logs[lower], logs[higher], WITHIN_S)
-        console.print(f"{lower} and {higher}: {_sentence(found)}", soft_wrap=True)
+        console.print(f"{lower} and {higher}: {sentence(found)}", soft_wrap=True)
     return max(outcomes)
 
 
@@ -107,7 +107,8 @@ def _latencies(logs: dict[str, RunLog]) -> Table:
     return table
 
 
-def _sentence(found: RunComparison) -> str:
+def sentence(found: RunComparison) -> str:
+    """Return how far two runs decided the same, and where they first differ."""
     if found.first is None:
         latest = found.latest
         if latest is None or latest.one is None or latest.other is None:

@@ -21,7 +21,7 @@ from onboard.security.key_files import write_credentials
 from sim_rig.boxes.box_computer import BoxComputer
 from sim_rig.boxes.box_configuration import differences
 from sim_rig.boxes.box_log import FLUSHED_AFTER_S, BoxLog, FramesOfRun, box_log, other_identity
-from sim_rig.boxes.contact import Contact
+from sim_rig.boxes.contact import BoxNotReadyError, Contact
 from sim_rig.boxes.sent_messages import sent_messages
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.boxes.trial_keys import run_credentials
@@ -52,10 +52,6 @@ _EXTRA_S = 0.5
 _BEGUN_WITHIN_S = 1.0
 """Time to make the stacks of the cars that the rig steps."""
 _NO_BOXES: Mapping[str, BoxSettings] = MappingProxyType({})
-
-
-class BoxNotReadyError(ProcessError):
-    """A box did not use all of its wires in time."""
 
 
 class LiveTestbench:

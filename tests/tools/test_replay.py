@@ -11,8 +11,9 @@ import pytest
 from onboard.errors import UserError
 from onboard.kinematics.units import KM_H
 from onboard.observations import LeadIdentity, Sensor, SensorLost
-from onboard.tools.cli import UNCONFIGURED
-from onboard.tools.replay import RawRecording, replay
+from onboard.recorder.reader import RecordedDrive
+from onboard.tools.export import write_pcap
+from onboard.tools.replay import UNCONFIGURED, RawRecording, received_packets, replay
 from onboard.vision.settings import CameraSettings
 
 
@@ -151,3 +152,20 @@ def test_a_missing_recording_is_an_error_that_names_it(tmp_path: Path) -> None:
         list(replay(RawRecording(can=tmp_path / "drive.log"), UNCONFIGURED))
     with pytest.raises(UserError, match=r"drive\.nmea: cannot be read: No such file"):
         list(replay(RawRecording(gnss=tmp_path / "drive.nmea"), UNCONFIGURED))
+
+
+def test_the_wsms_of_a_capture_are_received_but_those_that_the_vehicle_sent(tmp_path: Path) -> None:
+    drive = RecordedDrive([Path(__file__).parents[1] / "drives" / "lossy-radio.mcap"])
+    with (tmp_path / "radio.pcap").open("wb") as file:
+        write_pcap(drive, file)
+    received = sum(entry.topic == "/in/wsm" for entry in drive.entries())
+
+    assert sum(1 for _ in received_packets(tmp_path / "radio.pcap")) == received
+    events = list(replay(RawRecording(pcap=tmp_path / "radio.pcap"), UNCONFIGURED))
+    assert any(event.kind == "received" for event in events)
+
+
+def test_a_file_that_is_no_capture_is_named(tmp_path: Path) -> None:
+    (tmp_path / "radio.pcap").write_bytes(b"(1.0) can0 7E8#0")
+    with pytest.raises(UserError, match=r"radio\.pcap: neither pcap nor pcapng"):
+        next(replay(RawRecording(pcap=tmp_path / "radio.pcap"), UNCONFIGURED))

@@ -188,7 +188,7 @@ def test_a_written_capture_is_read_back(written: list[tuple[bytes, int]]) -> Non
     for wsm, seconds in written:
         writer.write(wsm, seconds + 0.5, SENDER)
     assert list(read_capture(file.getvalue())) == [
-        Packet(seconds + 0.5, wsm) for wsm, seconds in written
+        Packet(seconds + 0.5, wsm, SENDER) for wsm, seconds in written
     ]
 
 
@@ -196,7 +196,7 @@ def test_both_byte_orders_and_both_clocks_of_pcap() -> None:
     for order in "<>":
         for magic, fraction in ((0xA1B2C3D4, 250_000), (0xA1B23C4D, 250_000_000)):
             data = pcap_of([ethernet(0x88DC, WSM)], 1, order, magic, fraction)
-            assert list(read_capture(data)) == [Packet(UTC_S, WSM)]
+            assert list(read_capture(data)) == [Packet(UTC_S, WSM, SENDER)]
 
 
 @pytest.mark.parametrize(

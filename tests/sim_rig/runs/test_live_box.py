@@ -19,10 +19,10 @@ import yaml
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import compare
 from onboard.tools.doctor.finding import FindingLevel
+from sim_rig.boxes.contact import BoxNotReadyError
 from sim_rig.boxes.settings import BoxSettings, PageSettings, PowerSettings, load_boxes
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
-from sim_rig.processes.processes import ProcessError
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.latency_ledger import ledger
 from sim_rig.run_log.run_log import RunLog
@@ -227,7 +227,7 @@ def test_a_box_that_is_off_is_named_with_what_it_does_not_do(
     box: BoxSettings, scenario: Scenario, tmp_path: Path
 ) -> None:
     impatient = box.model_copy(update={"ready_within_s": 0.1})
-    with pytest.raises(ProcessError) as found:
+    with pytest.raises(BoxNotReadyError) as found:
         run_with(impatient, scenario, tmp_path, box_is_on=False)
     assert "red: the box is not ready after 0.1 s" in str(found.value)
     for wire in ("bus: it has requested", "camera: it has taken no", "radio: no BSM"):
