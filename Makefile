@@ -1,6 +1,6 @@
 # `make demo` runs the main jobs, `make test` passes the tests; both set themselves up in .venv.
 PYTHON := .venv/bin/python
-PYTEST := $(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1
+PYTEST := $(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-min=1 --ignore=tests/browser
 .DEFAULT_GOAL := demo
 help: ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1|\2/p' $(MAKEFILE_LIST) | sort | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'

@@ -6,7 +6,8 @@ from pathlib import PurePath
 
 import pytest
 
-from tests.architecture.imports import ROOT, imports_of
+from tests.architecture.imports import imports_of
+from tests.architecture.syntax import ROOT
 
 PAGE = ROOT / "docs/design/README.md"
 PROGRAMS = ("onboard", "sim_rig")

@@ -1,12 +1,9 @@
 """The terms of the glossary (`docs/glossary.md`): words that they replaced do not come back."""
 
-import ast
 import re
-from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
-from tests.architecture.imports import ROOT
+from tests.architecture.syntax import ROOT, files_below, syntax_of
 
 PROGRAMS = ("onboard", "sim_rig", "bench", "deploy", "training", "tools", "fuzz")
 
@@ -57,39 +54,29 @@ def test_pages_do_not_use_retired_words() -> None:
 
 def test_a_question_changes_nothing() -> None:
     changing = [
-        f"{path}: {function.name}"
-        for path, function in _functions("sim_rig", "onboard")
-        if re.match(r"_?(is|has|can)_", function.name) and any(map(_changes, ast.walk(function)))
+        f"{path.relative_to(ROOT)}: {function.name}"
+        for path in files_below("sim_rig", "onboard")
+        for function in syntax_of(path).functions
+        if re.match(r"_?(is|has|can)_", function.name) and function.assigns
     ]
     assert changing == []
 
 
 def test_a_function_that_receives_says_what() -> None:
-    silent = [f"{path}" for path, each in _functions("onboard") if each.name == "receive"]
+    silent = [
+        str(path.relative_to(ROOT))
+        for path in files_below("onboard")
+        for function in syntax_of(path).functions
+        if function.name == "receive"
+    ]
     assert silent == []
-
-
-def _functions(*trees: str) -> Iterator[tuple[Path, ast.FunctionDef]]:
-    for tree in trees:
-        for path in sorted((ROOT / tree).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-                if isinstance(node, ast.FunctionDef):
-                    yield path.relative_to(ROOT), node
-
-
-def _changes(node: ast.AST) -> bool:
-    """Whether it assigns to an attribute or an element."""
-    if isinstance(node, ast.Attribute | ast.Subscript):
-        return isinstance(node.ctx, ast.Store | ast.Del)
-    return False
 
 
 def _retired(trees: tuple[str, ...], retired: frozenset[str]) -> list[str]:
     return [
         f"{path.relative_to(ROOT)}: {name}"
-        for tree in trees
-        for path in sorted((ROOT / tree).rglob("*.py"))
-        for name in sorted({path.stem, *_identifiers(path)})
+        for path in files_below(*trees)
+        for name in sorted({path.stem, *syntax_of(path).names})
         if _is_retired(name, retired)
     ]
 
@@ -97,14 +84,3 @@ def _retired(trees: tuple[str, ...], retired: frozenset[str]) -> list[str]:
 def _is_retired(name: str, retired: frozenset[str]) -> bool:
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
     return bool(retired & set(words) or RETIRED_NAMES & set(pairwise(words)))
-
-
-def _identifiers(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        match node:
-            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name):
-                yield name
-            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
-                yield name
-            case ast.ClassDef(name=name) | ast.keyword(arg=str(name)):
-                yield name

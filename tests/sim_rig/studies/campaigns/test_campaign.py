@@ -232,7 +232,9 @@ def test_a_killed_worker_of_a_cluster_does_not_change_the_results(tmp_path: Path
 def test_a_cluster_without_workers_that_ends_is_reported_in_two_lines(tmp_path: Path) -> None:
     scheduler_file = tmp_path / "scheduler.json"
     code = (
+        "from sim_rig.studies.campaigns import campaign\n"
         "from tests.sim_rig.studies.campaigns.test_campaign import *\n"
+        "campaign.DASK_TIMEOUT_S = 3.0\n"  # the lost one is looked for that long
         "try:\n"
         f"    run_campaign(throw, DiceSettings(), NUMBERS, Path({str(tmp_path)!r}),"
         " Workers(dask=sys.argv[1]))\n"

@@ -1,6 +1,7 @@
 """Fig. 8 and Table I of the MVS paper, in small campaigns."""
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,23 @@ def test_figure_8_is_written_with_its_settings(tmp_path: Path) -> None:
 
 
 def trace_of_one_car(folder: Path) -> Path:
-    path = folder / "one.csv"
-    rows = [f"{step / 10},ann,{step},0,0,10" for step in range(100)]
+    return trace(folder, {"ann": (0.0, 0.0)})
+
+
+def trace_of_a_jam(folder: Path) -> Path:
+    """Three lanes of eight cars, 20 m apart."""
+    places = {f"c{lane}{at}": (20.0 * at, 4.0 * lane) for lane in range(3) for at in range(8)}
+    return trace(folder, places)
+
+
+def trace(folder: Path, places_m: dict[str, tuple[float, float]]) -> Path:
+    """Ten seconds of cars that drive on at 10 m/s from their places."""
+    path = folder / "trace.csv"
+    rows = [
+        f"{step / 10},{name},{x_m + step},{y_m},0,10"
+        for step in range(100)
+        for name, (x_m, y_m) in places_m.items()
+    ]
     path.write_text("t,id,x,y,heading,v\n" + "\n".join(rows))
     return path
 
@@ -64,7 +80,7 @@ def trace_of_one_car(folder: Path) -> Path:
 def test_a_recording_that_is_too_short_is_an_error(tmp_path: Path) -> None:
     settings = SMALL.model_copy(update={"scene": trace_of_one_car(tmp_path)})
 
-    with pytest.raises(UserError, match=r"one\.csv: ends after 9\.9 s, but .* need 241 s"):
+    with pytest.raises(UserError, match=r"trace\.csv: ends after 9\.9 s, but .* need 241 s"):
         mvs_figure8_study.STUDY.write(tmp_path / "out", settings, Workers())
 
 
@@ -87,11 +103,14 @@ def test_table_1_with_a_users_setting_keeps_its_other_settings(tmp_path: Path) -
 
 
 def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
-    settings = Table1Settings.model_validate(SMALL.model_dump() | {"methods": (Selection.MVS,)})
+    jam = {"scene": trace_of_a_jam(tmp_path), "begin_s": (2.0, 4.0), "shares": (0.4,)}
+    changes = jam | {"methods": (Selection.MVS,)}
+    settings = Table1Settings.model_validate(SMALL.model_dump() | changes)
 
     summary = mvs_table1_study.STUDY.write(tmp_path, settings, Workers())
 
     assert summary.endswith("fused state: 0")
-    row = mvs_table1_study.STUDY.one(settings, 0)
+    stored = json.loads((tmp_path / "runs/runs.jsonl").read_text().splitlines()[0])
+    row = mvs_table1_study.STUDY.row_of(stored, "runs.jsonl")
     assert row.reused_mvs == 0.0
     assert row.selected_rs >= row.selected_mvs >= 1.0
