@@ -9,7 +9,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT))
 
-from onboard.build import build_of_checkout, write_build  # noqa: E402 (from this folder)
+from onboard.recorder.build import build_of_checkout, write_build  # noqa: E402 (from this folder)
 
 
 class BuildWithIdentity(build_py):

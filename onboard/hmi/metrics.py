@@ -14,11 +14,11 @@ from prometheus_client import (
 )
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
-from onboard.build import Build
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupState
 from onboard.messages.exchanged import MessageReceived, MessageSent
 from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorRecovered, Speed
+from onboard.recorder.build import Build
 from onboard.recorder.records import RecorderState
 from onboard.risk import alarm_table
 from onboard.risk.alarm import Alarm, Cause, Level

@@ -16,7 +16,6 @@ from aiohttp import WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 from typing_extensions import override
 
-from onboard.build import present_build
 from onboard.errors import UserError
 from onboard.hmi.access_check import AccessCheck
 from onboard.hmi.connection_limiter import ConnectionLimiter
@@ -26,6 +25,7 @@ from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import HEADERS, Handler, add_page, read_page, with_headers
 from onboard.hmi.recording_files import add_recordings
 from onboard.hmi.settings import HmiSettings
+from onboard.recorder.build import present_build
 
 log = structlog.get_logger()
 

@@ -14,8 +14,8 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
-from onboard.build import present_build
 from onboard.errors import UserError
+from onboard.recorder.build import present_build
 from onboard.recorder.header import FORMAT, RecordingHeader
 from onboard.recorder.migrations import OLDEST, migrated, migrated_header
 from onboard.recorder.segment import METADATA

@@ -6,8 +6,8 @@ import json
 import numpy as np
 
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.build import present_build
 from onboard.obd.dbc_file import parse_signals
+from onboard.recorder.build import present_build
 from onboard.recorder.header import Certificates, RecordingHeader
 from onboard.recorder.identities import Aliases
 from onboard.replay.initial_state import InitialState

@@ -15,11 +15,11 @@ import structlog
 
 from onboard.access.driver_file import load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
-from onboard.build import present_build
 from onboard.errors import UserError
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded
+from onboard.recorder.build import present_build
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.runtime.candidate_ids import CandidateIds

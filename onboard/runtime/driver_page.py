@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from onboard.build import present_build
 from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_server import PageServer
 from onboard.hmi.settings import HmiSettings
+from onboard.recorder.build import present_build
 from onboard.replay.tap import Tap
 from onboard.trace.trace_line import Event, as_line
 from onboard.vehicle.config import CarConfig

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from onboard.build import present_build
+from onboard.recorder.build import present_build
 
 
 def _print_version(wanted: bool) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from onboard.build import present_build
+from onboard.recorder.build import present_build
 from onboard.recorder.header import RecordingHeader
 from onboard.replay.drive_header import OF_THE_CORES
 from onboard.settings import SettingsError, parse_settings

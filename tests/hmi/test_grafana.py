@@ -6,10 +6,10 @@ from pathlib import Path
 
 import yaml
 
-from onboard.build import Build
 from onboard.hmi.metrics import Metrics
 from onboard.hmi.settings import HmiSettings
 from onboard.observations import Sensor
+from onboard.recorder.build import Build
 
 FOLDER = Path(__file__).parents[2] / "deploy" / "grafana"
 BUILD = Build("0.2.0", "4f463bb4b", "20261124")

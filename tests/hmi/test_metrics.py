@@ -4,7 +4,6 @@ import math
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from onboard.build import Build
 from onboard.hmi.metrics import Metrics
 from onboard.lcca.events import Transition
 from onboard.lcca.transitions import GroupEvent, GroupState
@@ -18,6 +17,7 @@ from onboard.observations import (
     SensorRecovered,
     Speed,
 )
+from onboard.recorder.build import Build
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.ima import IMA
 from onboard.risk.lcca_warning import LCCA

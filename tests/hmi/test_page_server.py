@@ -10,7 +10,6 @@ from typing import Any
 import aiohttp
 import pytest
 
-from onboard.build import Build, present_build
 from onboard.errors import UserError
 from onboard.hmi.connection_limiter import MOST_CONNECTIONS
 from onboard.hmi.guess_limiter import MOST_AT_ONCE
@@ -18,6 +17,7 @@ from onboard.hmi.metrics import Metrics
 from onboard.hmi.page_files import read_page
 from onboard.hmi.page_server import CLOSE_TIMEOUT_S, MOST_PAGES, PageServer
 from onboard.hmi.settings import HmiSettings
+from onboard.recorder.build import Build, present_build
 from onboard.settings import SettingsError, parse_settings
 from tests.hmi.row import free_port
 

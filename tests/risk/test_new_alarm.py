@@ -9,11 +9,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from onboard.brake_request import datagram
 from onboard.brake_request.brake_requester import BrakeRequest
-from onboard.build import Build
 from onboard.hmi.display import Display
 from onboard.hmi.driver_view import DriverView
 from onboard.hmi.metrics import Metrics
 from onboard.observations import Lead, LeadIdentity, Sensor, Speed
+from onboard.recorder.build import Build
 from onboard.risk import alarm_table
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.alarm_table import Headline

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.build import present_build
+from onboard.recorder.build import present_build
 from sim_rig.cli import main
 from sim_rig.scenario.catalogue import scenario_names, scenario_titles
 from sim_rig.scenario.schema import load_scenario

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.build import present_build
+from onboard.recorder.build import present_build
 
 
 def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:

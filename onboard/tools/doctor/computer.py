@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import onboard
-from onboard.build import present_build
+from onboard.recorder.build import present_build
 from onboard.security.key_files import KeyFilesError, read_own_credentials
 from onboard.security.pkcs11_token import TokenError
 from onboard.security.settings import PlateDigestSettings, SecuritySettings

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from onboard.build import present_build
 from onboard.observations import Position
+from onboard.recorder.build import present_build
 from onboard.recorder.records import CameraImage, RecordedMessage
 from onboard.recorder.segment import IMAGES, Segment
 from sim_rig.boxes.box_computer import TimeWithoutPower

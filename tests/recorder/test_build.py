@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from onboard.build import VERSION, Build, build_of_checkout, present_build
+from onboard.recorder.build import VERSION, Build, build_of_checkout, present_build
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@b")
 
 

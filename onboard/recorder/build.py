@@ -13,7 +13,7 @@ from pathlib import Path
 VERSION = "0.2.0"
 """Raised by the rule of docs/design/deploy.md; pyproject.toml reads it here."""
 BUILD_FILE = "build.json"
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parents[1]
 _COMMIT_DIGITS = 9
 _GIT_S = 5.0
 """Longest wait for git in s."""
