@@ -16,6 +16,7 @@ from onboard.access.adaptation import AccessAdaptation
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.rear_end import tolerable_lag_s
 from onboard.observations import Lead, LeadIdentity, Speed
+from onboard.sensors.host_state import HostState
 from sim_rig.studies.rakhshan.highway import Drops, RakhshanHighwaySettings, collision_share, draw
 from sim_rig.studies.rakhshan.slotted import from_db, slot_s
 
@@ -58,8 +59,9 @@ def measure() -> Iterator[Figure]:
 
 
 def _on_board() -> Iterator[Figure]:
-    core = AccessAdaptation(DriverModel(DEFAULT_POPULATION))
-    core.receive_speed(Speed(0.0, 20.0, 0.28, "bench"))
+    host = HostState()
+    core = AccessAdaptation(DriverModel(DEFAULT_POPULATION), host)
+    host.receive_observation(Speed(0.0, 20.0, 0.28, "bench"))
     lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 20.0, 0.5, 1.0, 0.1)
 
     def one_pair_at_a_time() -> None:

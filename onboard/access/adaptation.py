@@ -20,7 +20,8 @@ from onboard.access.driver_model import DriverModel
 from onboard.access.reaction_times import Reaction, ReactionObserver
 from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S
 from onboard.core import Core
-from onboard.observations import BrakePedal, HardBrake, Lead, Speed
+from onboard.observations import BrakePedal, HardBrake, Lead
+from onboard.sensors.host_state import HostState
 from onboard.step import Observation
 
 UNSAFE_ABOVE = 0.5
@@ -30,7 +31,7 @@ SAFE_BELOW = 0.4
 UNSAFE_INTERVAL_S = MINIMUM_INTERVAL_S
 """Longest BSM interval of an unsafe vehicle: the shortest that SAE J2945/1 allows."""
 HOLD_S = 1.0
-"""Validity of the last measurement of lead and speed; without a lead the vehicle is safe."""
+"""Validity of the last measurement of the lead; without a lead the vehicle is safe."""
 DECELERATION_M_S2 = 4.0, 8.0
 """Limits of the uniform distribution of both vehicles' decelerations (Table III)."""
 MINIMUM_SPEED_M_S = 1.0
@@ -70,11 +71,16 @@ class ReactionObserved:
 class AccessAdaptation(Core):
     """Computes the longest BSM interval from the lead, the speed and the driver model."""
 
-    def __init__(self, driver: DriverModel) -> None:
-        """Start safe; `driver` is updated with each reaction that is observed."""
+    def __init__(self, driver: DriverModel, host: HostState) -> None:
+        """Start safe.
+
+        Args:
+            driver: updated with each reaction that is observed.
+            host: the host vehicle by its sensors, filled by the caller.
+        """
         self.driver = driver
+        self._host = host
         self._reactions = ReactionObserver()
-        self._speed: Speed | None = None
         self._lead_expires_at = math.inf
         self._events: deque[FollowingSafety | ReactionObserved] = deque()
         self.is_unsafe = False
@@ -95,8 +101,6 @@ class AccessAdaptation(Core):
     def receive_observation(self, observation: Observation, now: float) -> None:
         """Take an observation of the host vehicle's sensors; most kinds change nothing."""
         match observation:
-            case Speed():
-                self.receive_speed(observation)
             case Lead():
                 self.receive_lead(observation, now)
             case BrakePedal():
@@ -104,16 +108,11 @@ class AccessAdaptation(Core):
             case HardBrake():
                 self.receive_hard_brake(observation)
 
-    def receive_speed(self, speed: Speed) -> None:
-        """Store the host vehicle's speed."""
-        self._speed = speed
-        self._reactions.receive_speed(speed)
-
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Compute the crash probability for the lead of one camera frame."""
-        self._reactions.receive_lead(lead)
-        speed = self._speed
-        if lead.gap_m is None or speed is None or now - speed.stamp_s > HOLD_S:
+        speed = self._host.speed(now)
+        self._reactions.receive_lead(lead, speed)
+        if lead.gap_m is None or speed is None:
             return
         self._lead_expires_at = now + HOLD_S
         self._update(lead.stamp_s, self._crash_probability(lead, lead.gap_m, speed.speed_m_s))

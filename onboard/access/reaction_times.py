@@ -36,7 +36,6 @@ class ReactionObserver:
 
     def __init__(self) -> None:
         """Start without observations."""
-        self._speed: Speed | None = None
         self._steady: Lead | None = None
         self._gap_m: float | None = None
         self._pending: tuple[float, float] | None = None
@@ -44,12 +43,13 @@ class ReactionObserver:
         self._pedal: BrakePedal | None = None
         self._brakes_hard = False
 
-    def receive_speed(self, speed: Speed) -> None:
-        """Store the host vehicle's speed."""
-        self._speed = speed
+    def receive_lead(self, lead: Lead, speed: Speed | None) -> None:
+        """Find out from one camera frame whether the lead brakes.
 
-    def receive_lead(self, lead: Lead) -> None:
-        """Find out from the lead of one camera frame whether it brakes."""
+        Args:
+            lead: as the frame shows it.
+            speed: the host vehicle's; `None` if it is not known.
+        """
         closing_m_s, before_m = lead.closing_speed_m_s, self._gap_m
         self._gap_m = lead.gap_m
         if lead.gap_m is None or closing_m_s is None:
@@ -63,7 +63,7 @@ class ReactionObserver:
                 self._pending, self._is_closing = None, False
         elif closing_m_s - SIGMAS * (lead.closing_speed_sigma_m_s or 0.0) > CLOSING_M_S:
             if self._steady is not None and not self._is_closing:
-                self._begin(self._steady.stamp_s, lead.stamp_s)
+                self._begin(self._steady, speed, lead.stamp_s)
             self._is_closing = True
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> Reaction | None:
@@ -86,16 +86,17 @@ class ReactionObserver:
     def _reset(self) -> None:
         self._steady, self._pending, self._is_closing = None, None, False
 
-    def _begin(self, began_s: float, certain_s: float) -> None:
-        steady, speed, pedal = self._steady, self._speed, self._pedal
-        if self._pending is not None or steady is None or speed is None:
+    def _begin(self, steady: Lead, speed: Speed | None, certain_s: float) -> None:
+        """Take that the lead has braked since the `steady` frame, which is certain only now."""
+        pedal = self._pedal
+        if self._pending is not None or speed is None:
             return
         if pedal is not None and pedal.pressed and certain_s - pedal.stamp_s <= MAXIMUM_AGE_S:
             return
         if certain_s - min(steady.stamp_s, speed.stamp_s) > MAXIMUM_AGE_S or steady.gap_m is None:
             return
         if speed.speed_m_s >= MINIMUM_SPEED_M_S:
-            self._pending = began_s, steady.gap_m / speed.speed_m_s
+            self._pending = steady.stamp_s, steady.gap_m / speed.speed_m_s
 
     def _end(self, stamp_s: float) -> Reaction | None:
         if self._pending is None:

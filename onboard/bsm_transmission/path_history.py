@@ -21,7 +21,7 @@ LENGTH_M = 200.0
 """Distance that the points cover at least, once it has been driven (SAE J2945/1)."""
 MAX_POINTS = 15
 """Points in a BSM (SAE J2945/1)."""
-MAX_AGE_S = 600.0
+MAX_POINT_AGE_S = 600.0
 """Greatest age of a point; the field holds up to 655 s."""
 
 
@@ -76,7 +76,7 @@ class PathHistoryKeeper:
         points: list[PathHistoryPoint] = []
         for point in self._points:
             apart_m = _distance_between_m(last, point)
-            if apart_m < MAX_ERROR_M or now - point.stamp_s > MAX_AGE_S:
+            if apart_m < MAX_ERROR_M or now - point.stamp_s > MAX_POINT_AGE_S:
                 continue
             encoded = _offset_point(point, last, now)
             if encoded is None:

@@ -4,6 +4,7 @@ Without GNSS a BSM is sent as well: with speed, size and hard braking, and with 
 unavailable (docs/design/messages.md, "BSM without a position").
 """
 
+import math
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 
@@ -34,22 +35,13 @@ from onboard.messages.bsm_safety import (
 from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.observations import (
     BrakeCause,
-    BrakePedal,
     HardBrake,
     Position,
     Side,
     Speed,
-    TurnSignal,
 )
 from onboard.security.pseudonyms import Pseudonym
-from onboard.sensors.turn_signals import TurnSignals
-
-MAX_AGE_S = 1.0
-"""Age beyond which speed and brake pedal are sent as unavailable."""
-
-MAX_POSITION_AGE_S = 1.6
-"""Age beyond which the position is sent as unavailable: receivers at 1 Hz deliver late. `sec_mark`
-is the time of the fix."""
+from onboard.sensors.host_state import HostState
 
 MAX_FIX_SPEED_AGE_S = 0.25
 """Age up to which the speed of the fix is sent; then the bus speed, rounded but newer."""
@@ -90,6 +82,7 @@ class BsmTransmitter(Core):
         pseudonym: Pseudonym,
         rng: np.random.Generator,
         now: float,
+        host: HostState,
     ) -> None:
         """Start the schedule.
 
@@ -98,15 +91,14 @@ class BsmTransmitter(Core):
             pseudonym: gives temporary ID and first message count.
             rng: for the schedule's jitter.
             now: the present time.
+            host: the host vehicle by its sensors, filled by the caller. What is too old there is
+                sent as unavailable.
         """
         self._size = size
+        self._host = host
         self._schedule = BsmSchedule(rng, now)
-        self._speed: Speed | None = None
         self._trend = AccelerationEstimator(ACCELERATION_WINDOW_S)
-        self._pedal: BrakePedal | None = None
-        self._turn_signals = TurnSignals()
         self._predictor = PathPredictor()
-        self._position: Position | None = None
         self._brake: HardBrake | None = None
         self._stopped_at: float | None = None
         self._take_identity(pseudonym)
@@ -125,25 +117,15 @@ class BsmTransmitter(Core):
         self._path = PathHistoryKeeper()
 
     def receive_speed(self, speed: Speed) -> None:
-        """Take the host vehicle's speed."""
-        self._speed = speed
+        """Take a sample of the host vehicle's speed, for the acceleration."""
         self._trend.receive_speed(speed.stamp_s, speed.speed_m_s)
         if speed.speed_m_s >= STANDSTILL_M_S:
             self._stopped_at = None
         elif self._stopped_at is None:
             self._stopped_at = speed.stamp_s
 
-    def receive_pedal(self, pedal: BrakePedal) -> None:
-        """Take the host vehicle's brake pedal, if the bus has it."""
-        self._pedal = pedal
-
-    def receive_turn_signal(self, turn_signal: TurnSignal) -> None:
-        """Take a turn signal of the host vehicle, if the bus has it."""
-        self._turn_signals.receive_turn_signal(turn_signal)
-
     def receive_position(self, position: Position) -> None:
-        """Take the host vehicle's position."""
-        self._position = position
+        """Take a fix of the host vehicle, for its path."""
         self._path.receive_position(position)
         self._predictor.receive_position(position)
 
@@ -166,8 +148,8 @@ class BsmTransmitter(Core):
             now: the present time.
         """
         range_m = None
-        if position is not None and self._position is not None:
-            own = self._position
+        own = self._host.position(now, math.inf)  # what has been near remains so for a while
+        if position is not None and own is not None:
             range_m = distance_m(
                 own.latitude_deg, own.longitude_deg, position.latitude_deg, position.longitude_deg
             )
@@ -206,9 +188,9 @@ class BsmTransmitter(Core):
         self._msg_cnt = (self._msg_cnt + 1) % MESSAGE_COUNTS
         events = self._event_flags(now) or None
         path, prediction = None, None
-        if self._fix(now) is not None:
+        if self._host.position(now) is not None:
             path, prediction = self._path.history(now), self._predictor.prediction
-        lights = _lights(self._turn_signals.on(now))
+        lights = _lights(self._host.turn_signals(now))
         safety = None
         if events or path or prediction or lights:
             safety = VehicleSafetyExtensions(events, path, prediction, lights)
@@ -216,8 +198,7 @@ class BsmTransmitter(Core):
         return BasicSafetyMessage(core, safety, footer=footer)
 
     def _core(self, now: float, utc_offset_s: float, held_heading_rad: float | None) -> CoreData:
-        speed = self._speed if _is_fresh(self._speed, now) else None
-        fix = self._fix(now)
+        speed, fix = self._host.speed(now), self._host.position(now)
         acceleration = AccelerationSet(
             longitudinal_m_s2=self._trend.acceleration_m_s2 if speed else None,
             yaw_rate_rad_s=(self._predictor.yaw_rate_rad_s if fix else None) or 0.0,
@@ -251,13 +232,11 @@ class BsmTransmitter(Core):
         is_better = fix.speed_m_s is None or now - fix.stamp_s > MAX_FIX_SPEED_AGE_S
         return speed.speed_m_s if speed is not None and is_better else fix.speed_m_s
 
-    def _fix(self, now: float) -> Position | None:
-        return self._position if _is_fresh(self._position, now, MAX_POSITION_AGE_S) else None
-
     def _brakes(self, now: float) -> BrakeSystemStatus:
-        if self._pedal is None or not _is_fresh(self._pedal, now):
+        pedal = self._host.pedal(now)
+        if pedal is None:
             return BrakeSystemStatus()
-        return BrakeSystemStatus(ALL_WHEELS if self._pedal.pressed else WheelBrakes(0))
+        return BrakeSystemStatus(ALL_WHEELS if pedal.pressed else WheelBrakes(0))
 
     def _event_flags(self, now: float) -> VehicleEventFlags:
         brake = self._brake
@@ -311,9 +290,3 @@ def _lights(on: AbstractSet[Side]) -> ExteriorLights | None:
 def _sec_mark_s(utc_s: float) -> float:
     """Return the time within the minute in whole ms; 60.000 s and above would be a leap second."""
     return round(utc_s * 1e3) % 60_000 / 1e3
-
-
-def _is_fresh(
-    observation: Speed | BrakePedal | Position | None, now: float, limit_s: float = MAX_AGE_S
-) -> bool:
-    return observation is not None and now - observation.stamp_s <= limit_s

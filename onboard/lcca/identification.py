@@ -26,6 +26,7 @@ from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
 from onboard.lcca.position_match import position_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
 from onboard.observations import Discarded
+from onboard.sensors.host_state import SPEED_VALID_S
 
 BELIEF = 0.999
 """Probability from which a car is identified."""
@@ -55,8 +56,6 @@ NEW_TEXT, MAX_EARLY = 0.05, 8
 that happens on one track."""
 RENEW_S = 2.0
 """Time between inquiries for the BSMs of an identified car that are not heard."""
-SPEED_TIMEOUT_S = 1.0
-"""Time for which a sample of the own speed is valid."""
 ANSWERS_PER_S, ANSWERS_AT_ONCE = 2.0, 3
 """Answers to one signer in the long run, under however many IDs it asks, and at once: the first one
 may be lost. An answer is larger than an inquiry, and joins an ID to a certificate."""
@@ -149,7 +148,7 @@ class Identification(Core):
 
     def _speed_at(self, at_s: float) -> float | None:
         """Return the own speed at a time in m/s; `None` if it is not known."""
-        return speed_at(self._speeds, at_s, SPEED_TIMEOUT_S)
+        return speed_at(self._speeds, at_s, SPEED_VALID_S)
 
     # In
 

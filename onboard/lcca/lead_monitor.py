@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from onboard.lcca.events import MeasuredLead
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId
+from onboard.sensors.host_state import SPEED_VALID_S
 
 
 class LeadMonitor:
@@ -25,13 +26,13 @@ class LeadMonitor:
         return self._identified
 
     def speed_at(self, now: float) -> float | None:
-        """Return the own speed in m/s; `None` if the last sample is too old."""
+        """Return the own speed in m/s; `None` if it is too old: then no gap is too small."""
         return self._speed_m_s if now < self._speed_until else None
 
     def receive_speed(self, speed_m_s: float, now: float) -> None:
         """Take a sample of the own speed."""
         self._speed_m_s = speed_m_s
-        self._speed_until = now + self._parameters.speed_hold_s
+        self._speed_until = now + SPEED_VALID_S
 
     def receive_lead(
         self, lead: MeasuredLead | None, now: float, *, is_unknown: bool = False

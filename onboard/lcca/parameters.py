@@ -13,8 +13,6 @@ class GroupParameters:
     """From it on the vehicle leaves. The margin to `join_headway_s` absorbs noise of the gap."""
     lead_hold_s: float = 1.0
     """How long a membership outlasts the last frame that showed the predecessor close."""
-    speed_hold_s: float = 1.0
-    """How long a speed sample is valid. Without a speed no gap is too small."""
     speed_tolerance_m_s: float = 5.0
     """Largest difference between the speed in a reply and the one that the camera measures."""
 

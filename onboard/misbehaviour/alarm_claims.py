@@ -14,6 +14,7 @@ from onboard.misbehaviour.signer_credibility import SignerCredibility
 from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause
 from onboard.risk.alarm_table import row_of
+from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 MAX_SIGMA_M_S = 1.0
@@ -31,6 +32,7 @@ class AlarmClaims:
         self,
         signer_of: Callable[[bytes], bytes | None],
         is_road_side_unit: Callable[[bytes], bool],
+        host: HostState,
         *,
         has_sight: bool,
     ) -> None:
@@ -39,13 +41,14 @@ class AlarmClaims:
         Args:
             signer_of: the signer of a remote vehicle's BSMs, by temporary ID.
             is_road_side_unit: whether a signer is one.
+            host: the host vehicle by its sensors, filled by the caller.
             has_sight: whether a sensor looks ahead. Without, the host's own slowing down confirms
                 an alarm.
         """
         self.credibility = SignerCredibility(is_road_side_unit)
         self._signer_of = signer_of
         self._has_sight = has_sight
-        self._speed_m_s = 0.0
+        self._host = host
         self._lead_track: int | None = None
         self._objects: dict[str, PerceivedObject] = {}
         self._first_signers: OrderedDict[tuple[CarId, int], bytes] = OrderedDict()
@@ -73,8 +76,7 @@ class AlarmClaims:
             self._brakings.popitem(last=False)
 
     def receive_speed(self, speed_m_s: float, now: float) -> None:
-        """Take the host vehicle's speed."""
-        self._speed_m_s = speed_m_s
+        """Take a sample of the host vehicle's speed."""
         if not self._has_sight:
             self.credibility.receive_traffic_speed(speed_m_s, now)
 
@@ -84,9 +86,9 @@ class AlarmClaims:
         if lead.track_id not in (None, self._lead_track):
             self._lead_track = lead.track_id
             self.credibility.receive_other_traffic()
-        if lead.closing_speed_m_s is not None and (sigma_m_s or 0.0) <= MAX_SIGMA_M_S:
-            lead_m_s = self._speed_m_s - lead.closing_speed_m_s
-            self.credibility.receive_traffic_speed(lead_m_s, now)
+        speed, closing_m_s = self._host.speed(now), lead.closing_speed_m_s
+        if speed is not None and closing_m_s is not None and (sigma_m_s or 0.0) <= MAX_SIGMA_M_S:
+            self.credibility.receive_traffic_speed(speed.speed_m_s - closing_m_s, now)
 
     def alarming(self, objects: Sequence[PerceivedObject], now: float) -> list[PerceivedObject]:
         """Return the perceived objects but those that only ignored signers claim."""

@@ -22,7 +22,7 @@ UNKNOWN_SPEED_SIGMA_M_S = 30.0
 """Velocity of a vehicle that reports none."""
 ACCELERATION_M_S2 = 3.0
 """Acceleration of the host vehicle between two fixes; hard braking is twice this."""
-ACCELERATION_WINDOW_S = 0.8
+FIXES_WINDOW_S = 0.8
 """Window of the host vehicle's acceleration, by its fixes."""
 ACCELERATION_CHANGE_M_S2 = 1.0
 """Change of that acceleration since the middle of the window."""
@@ -48,7 +48,7 @@ class HostVehicle:
         self._settings = settings
         self._fix: Position | None = None
         self._heading = HeadingFilter(settings.velocity_sigma_m_s, settings.heading_sigma_rad)
-        self._acceleration = AccelerationEstimator(ACCELERATION_WINDOW_S)
+        self._acceleration = AccelerationEstimator(FIXES_WINDOW_S)
         self._state: ReportedState | None = None
         self.frame: LocalFrame | None = None
 

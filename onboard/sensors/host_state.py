@@ -20,9 +20,9 @@ BRAKING_SPEED_VALID_S = 0.5
 PEDAL_VALID_S = 1.0
 """Of a brake pedal that is sent: as of the speed beside it."""
 POSITION_VALID_S = 1.6
-"""Of a position that is sent: receivers at 1 Hz deliver late."""
-ACCELERATION_WINDOW_S = 0.5
-"""Window of the acceleration: steps of 1 km/h are 0.2 m/s^2 over it."""
+"""Of a position that is sent: receivers at 1 Hz deliver late. `sec_mark` is the time of the fix."""
+HOST_WINDOW_S = 0.5
+"""Window of the acceleration that alarms use: steps of 1 km/h are 0.2 m/s^2 over it."""
 BRAKING_WINDOW_S = 0.6
 """Window of the driver's braking, the same as that of the vehicle ahead: both lag alike."""
 
@@ -36,7 +36,7 @@ class HostState:
         self._pedal: BrakePedal | None = None
         self._position: Position | None = None
         self._turn_signals = TurnSignals()
-        self._acceleration = HostBraking(ACCELERATION_WINDOW_S)
+        self._acceleration = HostBraking(HOST_WINDOW_S)
         self._braking = HostBraking(BRAKING_WINDOW_S)
 
     def receive_observation(self, observation: Event) -> None:
@@ -74,7 +74,7 @@ class HostState:
         return self._turn_signals.on(now)
 
     def acceleration_m_s2(self, now: float) -> float | None:
-        """Return the slope of the speed over `ACCELERATION_WINDOW_S`; `None` while unknown."""
+        """Return the slope of the speed over `HOST_WINDOW_S`; `None` while unknown."""
         return self._acceleration.acceleration_m_s2(now)
 
     def braking_m_s2(self, now: float) -> float | None:

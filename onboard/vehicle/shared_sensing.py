@@ -13,15 +13,14 @@ from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings, SharedIn
 from onboard.observations import (
-    BrakePedal,
     DetectionList,
     HardBrake,
     Position,
     Speed,
-    TurnSignal,
     VehicleDetection,
 )
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_state import HostState
 from onboard.step import Observation
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 
@@ -35,6 +34,7 @@ class SharedSensing:
         size: VehicleSize,
         pseudonym: Pseudonym,
         rng: np.random.Generator,
+        host: HostState,
         *,
         now: float,
         utc_offset_s: float,
@@ -48,6 +48,7 @@ class SharedSensing:
             size: of the vehicle.
             pseudonym: the present identifiers.
             rng: for the jitter of BSMs, and for selections that choose at random.
+            host: the vehicle by its sensors, filled by the caller.
             now: time on the clock of the cores in s.
             utc_offset_s: UTC in seconds since 1970 less that time.
             tracking: parameters of the tracker.
@@ -55,7 +56,7 @@ class SharedSensing:
         """
         self._shared_in = settings.shared_in
         self._utc_offset_s = utc_offset_s
-        self.transmitter = BsmTransmitter(size, pseudonym, rng, now)
+        self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host)
         self.mvs = MultiVehicleSensing(
             settings,
             pseudonym.temporary_id,
@@ -85,10 +86,6 @@ class SharedSensing:
         match observation:
             case Speed():
                 self.transmitter.receive_speed(observation)
-            case BrakePedal():
-                self.transmitter.receive_pedal(observation)
-            case TurnSignal():
-                self.transmitter.receive_turn_signal(observation)
             case HardBrake():
                 self.transmitter.receive_hard_brake(observation, now)
             case Position():

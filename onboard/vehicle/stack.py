@@ -4,6 +4,7 @@
 virtual time and both replays call it.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -207,7 +208,8 @@ class Stack:
         if received is None:
             return
         service, opened = received
-        if service != psid.BSM and self._is_outside_region(opened, self._own_place(), now):
+        if service != psid.BSM and not opened.is_valid_at(self._own_place(now)):
+            self._discard_outside_region(opened, now)
             return
         component, decode = self._codecs[service]
         try:
@@ -215,23 +217,22 @@ class Stack:
         except DecodeError as error:
             self._vehicle.put_out(Discarded(now, component, error.reason, error.detail))
             return
-        if isinstance(message, BasicSafetyMessage):
-            place = _place_in(message) or self._own_place()
-            if self._is_outside_region(opened, place, now):
-                return
+        if isinstance(message, BasicSafetyMessage) and not opened.is_valid_at(
+            _place_in(message) or self._own_place(now)
+        ):
+            self._discard_outside_region(opened, now)
+            return
         made_at_s = self._security.made_at_s(opened, now)
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
 
-    def _is_outside_region(self, opened: Opened, place: TwoDLocation | None, now: float) -> bool:
-        """Whether a message comes from where its certificate is not valid."""
-        if opened.is_valid_at(place):
-            return False
+    def _discard_outside_region(self, opened: Opened, now: float) -> None:
+        """Report a message from where its certificate is not valid."""
         reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
         self._vehicle.put_out(Discarded(now, "security", reason, f"from {signer.hex()}"))
-        return True
 
-    def _own_place(self) -> TwoDLocation | None:
-        fix = self._vehicle.position
+    def _own_place(self, now: float) -> TwoDLocation | None:
+        """Return where the vehicle was last known to be."""
+        fix = self._vehicle.host.position(now, math.inf)
         return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
 
     # ---- out ------------------------------------------------------------------------------

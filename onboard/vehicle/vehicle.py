@@ -101,13 +101,14 @@ class Vehicle(Core):
         self._utc_offset_s = utc_offset_s
         self._bus = bus
         self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
-        self._host = HostState()
+        self.host = HostState()
         self._misbehaviour = MisbehaviourDetector(check_braking=config.security.check_braking)
         self._claims: AlarmClaims | None = None
         if is_road_side_unit is not None and config.security.check_braking:
             self._claims = AlarmClaims(
                 self._misbehaviour.signer_of,
                 is_road_side_unit,
+                self.host,
                 has_sight=Sensor.CAMERA in sensors or Sensor.DETECTOR in sensors,
             )
         self._lcca = LccaApplication(
@@ -126,12 +127,13 @@ class Vehicle(Core):
             VehicleSize(length_m=size_m[0], width_m=size_m[1]),
             pseudonym,
             rng,
+            self.host,
             now=now,
             utc_offset_s=utc_offset_s,
             tracks_sensed=config.brake_request is not None,
         )
         self._access = (
-            AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
+            AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION), self.host)
             if config.access.enabled
             else None
         )
@@ -139,12 +141,11 @@ class Vehicle(Core):
         self._risk = RiskResponse(
             config.risk,
             size_m,
-            self._host,
+            self.host,
             brake_request=config.brake_request,
             permits=self._permits,
         )
         self._take_reaction_time()
-        self._position: Position | None = None
         self._assess_at = self._report_surroundings_at = now
         self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
         self._events: deque[Event] = deque()
@@ -181,11 +182,6 @@ class Vehicle(Core):
     def identification(self) -> Identification:
         """Identification of the lead, for display."""
         return self._lcca.identification
-
-    @property
-    def position(self) -> Position | None:
-        """The last one of the own receiver."""
-        return self._position
 
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
@@ -248,7 +244,7 @@ class Vehicle(Core):
         """Take what a sensor of the vehicle has measured."""
         if not self._sensors.receive_observation(observation, now):
             return
-        self._host.receive_observation(observation)
+        self.host.receive_observation(observation)
         self._sharing.receive_observation(observation, now)
         match observation:
             case Speed():
@@ -258,7 +254,6 @@ class Vehicle(Core):
             case Lead():
                 self._receive_lead(observation, now)
             case Position():
-                self._position = observation
                 self._intersections.receive_position(observation)
         self._risk.receive_observation(observation, now)
         if self._access is not None:

@@ -21,14 +21,26 @@ from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.access.settings import AccessSettings
 from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERVAL_S, BsmSchedule
 from onboard.observations import BrakePedal, HardBrake, Lead, LeadIdentity, Speed
+from onboard.sensors.host_state import HostState
 
 
-def adaptation(driver: DriverModel | None = None) -> AccessAdaptation:
-    return AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION))
+class Adaptation(AccessAdaptation):
+    """With the host vehicle's sensors that it reads."""
+
+    def __init__(self, driver: DriverModel) -> None:
+        self.host = HostState()
+        super().__init__(driver, self.host)
+
+    def receive_speed(self, speed: Speed) -> None:
+        self.host.receive_observation(speed)
+
+
+def adaptation(driver: DriverModel | None = None) -> Adaptation:
+    return Adaptation(driver or DriverModel(DEFAULT_POPULATION))
 
 
 def follow(
-    core: AccessAdaptation, gap_m: float | None, now: float = 0.0, closing_m_s: float = 0.0
+    core: Adaptation, gap_m: float | None, now: float = 0.0, closing_m_s: float = 0.0
 ) -> None:
     core.receive_speed(Speed(now, 20.0, 0.28, "obd:7e8"))
     core.receive_lead(Lead(now, LeadIdentity.UNKNOWN, None, gap_m, 0.5, closing_m_s, 0.1), now)

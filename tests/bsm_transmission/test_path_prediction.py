@@ -16,6 +16,7 @@ from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.bsm_safety import PathPrediction
 from onboard.observations import Position
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_state import HostState
 from tests.typed import about
 
 
@@ -103,8 +104,10 @@ def test_a_late_fix_is_ignored() -> None:
 
 def test_the_host_vehicles_bsm_has_prediction_and_yaw_rate() -> None:
     who = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
-    beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), now=0.0)
+    host = HostState()
+    beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), 0.0, host)
     for t in range(40):
+        host.receive_observation(fix(t / 10, t / 100))
         beacon.receive_position(fix(t / 10, t / 100))
 
     on_the_air = bsm.decode(bsm.encode(beacon.bsm(None, 4.0, 4.0)))
@@ -120,9 +123,11 @@ def test_the_host_vehicles_bsm_has_prediction_and_yaw_rate() -> None:
 def test_a_receiver_at_1_hz_gives_every_bsm_a_position() -> None:
     """Each fix arrives half a second late, so it is up to 1.5 s old."""
     who = Pseudonym(bytes(8), b"abcd", 5, None, 300.0)
-    beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), now=0.0)
+    host = HostState()
+    beacon = BsmTransmitter(VehicleSize(1.8, 4.5), who, np.random.default_rng(1), 0.0, host)
     for tenth in range(5, 60):
         if tenth % 10 == 5:
+            host.receive_observation(fix(tenth / 10 - 0.5, 1.0))
             beacon.receive_position(fix(tenth / 10 - 0.5, 1.0))
         said = beacon.bsm(None, tenth / 10, tenth / 10).core
         assert said.latitude_deg is not None

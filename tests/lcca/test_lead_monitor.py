@@ -8,6 +8,7 @@ from onboard.lcca.events import MeasuredLead
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.settings import LccaSettings
+from onboard.sensors.host_state import SPEED_VALID_S
 from onboard.settings import SettingsError, parse_settings
 
 A, B = b"car-aaaa", b"car-bbbb"
@@ -44,10 +45,10 @@ def test_between_the_two_headways_nothing_is_joined_and_nothing_left() -> None:
 
 
 def test_without_a_recent_speed_no_gap_is_too_small() -> None:
-    monitor = lead_monitor(20.0, speed_hold_s=1.0)
-    monitor.receive_lead(MeasuredLead(A, 10.0, 0.0), 1.0)
-    assert monitor.lead_to_join(1.0) is None
-    assert monitor.speed_at(1.0) is None
+    monitor = lead_monitor()
+    monitor.receive_lead(MeasuredLead(A, 10.0, 0.0), SPEED_VALID_S)
+    assert monitor.lead_to_join(SPEED_VALID_S) is None
+    assert monitor.speed_at(SPEED_VALID_S) is None
     assert monitor.close_at(A) < 0.0
 
 

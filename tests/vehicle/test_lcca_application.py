@@ -21,6 +21,7 @@ from onboard.risk.lcca_warning import LCCA
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.security.settings import PlateDigestSettings
+from onboard.sensors.host_state import HostState
 from onboard.trace.trace_line import Event
 from onboard.vehicle.lcca_application import LccaApplication
 from tests.leads import known_lead
@@ -37,7 +38,9 @@ class Car:
         self.plate = plate
         self.digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
         self.misbehaviour = MisbehaviourDetector()
-        self.claims = AlarmClaims(self.misbehaviour.signer_of, lambda _: False, has_sight=True)
+        self.claims = AlarmClaims(
+            self.misbehaviour.signer_of, lambda _: False, HostState(), has_sight=True
+        )
         self.lcca = LccaApplication(
             GroupParameters(),
             plate,

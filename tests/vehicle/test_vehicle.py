@@ -119,10 +119,10 @@ def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:
 
 def test_its_position_is_the_last_of_its_receiver() -> None:
     one = vehicle(AHEAD)
-    assert one.position is None
+    assert one.host.position(0.0) is None
     first, last = (
         Position(0.0, north_deg, 11.0, None, 1.0, 14.0, 0.0) for north_deg in (48.0, 48.1)
     )
     for fix in (first, last):
         one.receive_observation(fix, 0.0)
-    assert one.position == last
+    assert one.host.position(0.0) == last

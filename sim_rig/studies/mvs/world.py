@@ -27,6 +27,7 @@ from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import HardBrake, Position, Speed, VehicleDetection
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_state import HostState
 from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
@@ -111,6 +112,7 @@ class TrueMeasurement:
 class WorldCar:
     """A car with a radio."""
 
+    host: HostState
     sharing: SharedSensing
     bus: SampledBus
     phase_s: float
@@ -122,6 +124,7 @@ class WorldCar:
 
     def receive_observation(self, observation: Speed | HardBrake | Position, now: float) -> None:
         """Take what bus or receiver have measured."""
+        self.host.receive_observation(observation)
         self.sharing.receive_observation(observation, now)
         self.observations.append(observation)
 
@@ -252,18 +255,20 @@ class MvsWorld:
         rng = np.random.default_rng([self._seed, *own_id])
         phase_s = float(rng.random()) * TICK_S
         own = cars.names.index(name)
+        host = HostState()
         sharing = SharedSensing(
             self._mvs_settings,
             VehicleSize(length_m=float(cars.length_m[own]), width_m=float(cars.width_m[own])),
             Pseudonym(b"", own_id, 0, None, math.inf),
             rng,
+            host,
             now=0.0,
             utc_offset_s=START_UTC_S,
             tracking=self._tracking,
             tracks_sensed=self._tracks_sensed,
         )
         bus = SampledBus(self.settings.bus_speed_step_m_s)
-        self.cars[name] = car = WorldCar(sharing, bus, phase_s)
+        self.cars[name] = car = WorldCar(host, sharing, bus, phase_s)
         motion = float(cars.speed_m_s[own]), float(cars.acceleration_m_s2[own])
         for earlier in bus.earlier_samples(*motion, self.now + phase_s):
             car.receive_observation(earlier, earlier.stamp_s)

@@ -13,6 +13,7 @@ from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags
 from onboard.observations import HardBrake, Speed
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_state import HostState
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
 
 SPEED_M_S, BRAKING_M_S2 = 20.0, 6.0
@@ -25,10 +26,12 @@ class Car:
         self.bus = SampledBus(resolution_m_s)
         pseudonym = Pseudonym(b"", bytes(4), 0, None, math.inf)
         rng = np.random.default_rng(0)
-        self.transmitter = BsmTransmitter(VehicleSize(), pseudonym, rng, 0.0)
+        self.host = HostState()
+        self.transmitter = BsmTransmitter(VehicleSize(), pseudonym, rng, 0.0, self.host)
 
     def bsm(self, samples: Iterable[Speed | HardBrake], now: float) -> BasicSafetyMessage:
         for sample in samples:
+            self.host.receive_observation(sample)
             if isinstance(sample, Speed):
                 self.transmitter.receive_speed(sample)
             else:
