@@ -27,7 +27,7 @@ from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
-from onboard.tools.test_ca.authority import make_trial
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid
@@ -35,6 +35,7 @@ from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import Processes
+from sim_rig.scenario.car_config import DIGEST, plate_digest
 
 STAGES = ("wake_up", "queue", "verify", "decode", "group", "sign", "record", "send", "show")
 """From the sending by the lead to the daemon's loop, to the step, to the verified signature,
@@ -73,7 +74,9 @@ def measure_hops(brakings: int, *, with_camera: bool) -> Hops:
 
 
 async def _run(folder: Path, brakings: int, *, with_camera: bool) -> Hops:
-    trial = make_trial(["own", "ahead"], {psid.BSM, psid.LCCA}, time.time())
+    digest = plate_digest()
+    plates = {"own": KnownPlate("OWN1", digest), "ahead": KnownPlate(LEAD_PLATE, digest)}
+    trial = make_trial(plates, {psid.BSM, psid.LCCA}, time.time(), plates=plates)
     write_credentials(folder / "keys", trial["own"])
     ecu = SocketcandServer(Ecu(lambda _now: SPEED_M_S), "can0", lambda _frame: None)
     camera = await asyncio.start_server(LoopCamera(LEAD_PLATE).serve, "127.0.0.1", 0)
@@ -84,7 +87,11 @@ async def _run(folder: Path, brakings: int, *, with_camera: bool) -> Hops:
         "camera": LENS.model_dump() | {"source": f"http://127.0.0.1:{port_of(camera)}/"},
         "vision": {"tag_dictionary": None},
         "radio": {"endpoint": "iwcu", "listen_port": ahead.daemon_port, "unit_port": ahead.port},
-        "security": {"keys_folder": str(folder / "keys"), "check_braking": False},  # constant speed
+        "security": {
+            "keys_folder": str(folder / "keys"),
+            "plate_digest": DIGEST,
+            "check_braking": False,  # constant speed
+        },
         "recorder": {"folder": str(folder / "box")},
         "hmi": {"port": free_port()},
         "trace": {"file": str(folder / "trace.jsonl")},
@@ -134,7 +141,8 @@ class _LeadVehicle:
         self._radio.setblocking(False)
         self.port = self._radio.getsockname()[1]
         self.daemon_port = free_port()
-        config = parse_settings({"car": {"plate": LEAD_PLATE}}, CarConfig, "bench")
+        tree = {"car": {"plate": LEAD_PLATE}, "security": {"plate_digest": DIGEST}}
+        config = parse_settings(tree, CarConfig, "bench")
         self._stack = Stack(
             config,
             (),

@@ -73,6 +73,10 @@ def _decode_version_3(data: bytes) -> WaveShortMessage:
     return replace(wsmp.decode(data), version=wsmp.VERSION)
 
 
+def _encode_lcca(pdu: lcca.LccaPdu) -> bytes:
+    return lcca.encode(pdu.message, pdu.proof)
+
+
 _UTC_S = 1_790_000_000.0
 _TRIAL = make_trial(
     ["receiver", "sender"], [psid.BSM], _UTC_S, p256.key_from(np.random.default_rng(1609))
@@ -221,7 +225,7 @@ TARGETS = {
     "spat": _codec(spat.decode, spat.encode, 2e-2),
     "sdsm": _codec(sdsm.decode, sdsm.encode, 2e-2),
     "mvs_footer": _codec(mvs_footer.decode, mvs_footer.encode),
-    "lcca": _codec(lcca.decode, lcca.encode),
+    "lcca": _codec(lcca.decode, _encode_lcca),
     "can": Target(_can, max_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too
     "nmea": Target(_nmea),
     "gpsd": Target(_gpsd),

@@ -25,11 +25,12 @@ from deploy.vm.report import record, table
 from deploy.vm.share import BUILD, ROOT, SHARE, make_box, make_image
 from onboard.security.key_files import write_credentials
 from onboard.tools.doctor.finding import FindingLevel, best_levels
-from onboard.tools.test_ca.authority import make_trial
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.vision.settings import CameraSettings
 from onboard.wave_udp import psid
 from sim_rig.cars.camera_view import SMALL_LENS
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
+from sim_rig.scenario.car_config import plate_digest
 
 INSTALLED = BUILD / "installed.qcow2", BUILD / "installed.raw"
 """The disk and the small disk after install.sh; each run works on copies."""
@@ -284,8 +285,10 @@ def _fill_share(bus: str, car: dict[str, object]) -> None:
     (SHARE / "car.yaml").write_text(yaml.safe_dump(car, sort_keys=False), encoding="utf-8")
     shutil.rmtree(SHARE / "keys", ignore_errors=True)
     (SHARE / "keys").mkdir(mode=0o700)
+    digest = plate_digest()
+    plates = {"car": KnownPlate("TAG2", digest), "ahead": KnownPlate("TAG1", digest)}
     for name, credentials in make_trial(
-        ["car", "ahead"], {psid.BSM, psid.LCCA}, time.time()
+        plates, {psid.BSM, psid.LCCA}, time.time(), plates=plates
     ).items():
         write_credentials(SHARE / "keys" / name, credentials)
     if not (SHARE / "images").is_dir():

@@ -95,6 +95,8 @@ class _Track:
     identity: CarIdentity | None = None
     sender: bytes | None = None
     """The identified car, as its BSMs name it."""
+    is_disputed: bool = False
+    """Whether another signer has answered for it too."""
 
     def inquiries_for(self, car_id: CarId) -> int:
         """How many inquiries named a car in this epoch."""
@@ -137,9 +139,9 @@ class Identification(Core):
 
     @property
     def sender(self) -> bytes | None:
-        """The identified car, as its BSMs name it; `None` while that is not known."""
+        """The identified car, as its BSMs name it; `None` while that is not known, or disputed."""
         track = self._track
-        return None if track is None else track.sender
+        return None if track is None or track.is_disputed else track.sender
 
     @property
     def _track(self) -> _Track | None:
@@ -158,7 +160,7 @@ class Identification(Core):
         for track in self._tracks.values():
             track.answers.clear()
             track.asked.clear()
-            track.sender = None
+            track.sender, track.is_disputed = None, False
             if track.identity is not None and track.identity.text is None:
                 self._lose(track, "epoch", now)
         self._plan_inquiry(now)
@@ -356,11 +358,14 @@ class Identification(Core):
 
         No answer moves an identity: whoever has a certificate could else silence the vehicle ahead.
         Its certificate stays in an epoch, also over a restart; a temporary ID does not, so without
-        signatures another one is taken once the former is off the air.
+        signatures another one is taken once the former is off the air. Where no certificate commits
+        to IDs, the first answer of an epoch may be an insider's: of two signers, neither is the
+        only one.
         """
         is_signed = sender != answer.temporary_id
         if track.sender is not None and (is_signed or self._motion.is_on_air(track.sender)):
             if sender != track.sender:
+                track.is_disputed |= is_signed
                 self._discard("another_signer", answer, now)
             return
         track.sender = sender
@@ -417,6 +422,7 @@ class Identification(Core):
         if track.identity is not None:
             self._events.append(IdentityLost(now, track.track_id, track.identity.car_id, cause))
         track.identity = track.sender = None
+        track.is_disputed = False
         track.answers.clear()
 
     def _discard(self, reason: str, message: Inquiry | Answer, now: float) -> None:

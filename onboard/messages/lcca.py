@@ -6,9 +6,10 @@ the group its radio reaches. Join, Reply and Leave go one hop, to the car they n
 go to all cars behind in the group, over several hops; `sender_id` is then the car that forwards,
 and `event_*` identifies the event of which it is a copy.
 
-On the wire: one byte version, one byte type, then the fields.
+On the wire: one byte version, one byte type, the proof of the sender's ID, then the fields.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Annotated, Any, ClassVar, Self, get_args
@@ -17,7 +18,10 @@ from onboard.errors import DecodeError
 from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, SequenceOf, Unsigned
 from onboard.messages.record import Record
 
-VERSION = 2
+VERSION = 3
+
+SIBLING_BYTES, MAX_PROOF = 12, 16
+"""Size and greatest number of the siblings in a proof (`onboard/security/id_commitment.py`)."""
 
 CarId = bytes
 """Communication ID, eight bytes: see `onboard/security/plate_digest.py`."""
@@ -220,37 +224,59 @@ class Answer:
 GroupMessage = Join | Reply | Leave | Update | Warn
 LccaMessage = GroupMessage | Inquiry | Answer
 
+
+@dataclass(frozen=True, slots=True)
+class LccaPdu:
+    """What is signed: a message, and the proof that its sender's ID is the signer's."""
+
+    message: LccaMessage
+    proof: tuple[bytes, ...] = ()
+    """Siblings of the ID; none if the signer's certificate commits to no IDs."""
+
+
 MESSAGES: dict[int, Record[Any]] = {
     message.code: Record(message) for message in get_args(LccaMessage)
 }
 """Records by type byte."""
 
+_HEADER_BYTES = 3
+"""Version, type, and number of siblings."""
 
-def encode(message: LccaMessage) -> bytes:
+
+def encode(message: LccaMessage, proof: Sequence[bytes] = ()) -> bytes:
     """Return the message as it is sent.
+
+    Args:
+        message: the message.
+        proof: that its sender owns `sender_id`: siblings of `SIBLING_BYTES` each.
 
     Raises:
         ValueError: a field cannot carry its value.
     """
-    return bytes((VERSION, message.code)) + MESSAGES[message.code].encode(message)
+    header = bytes((VERSION, message.code, len(proof)))
+    return b"".join((header, *proof, MESSAGES[message.code].encode(message)))
 
 
-def decode(data: bytes) -> LccaMessage:
+def decode(data: bytes) -> LccaPdu:
     """Read a received message.
 
     Raises:
         DecodeError: `too_short`, `trailing_bytes`, `out_of_range`, `unknown_version` or
             `unknown_type`.
     """
-    if len(data) < 2:
+    if len(data) < _HEADER_BYTES:
         raise DecodeError("too_short", f"{len(data)} bytes are no message")
-    version, code = data[0], data[1]
+    version, code, siblings = data[:_HEADER_BYTES]
     if version != VERSION:
         raise DecodeError("unknown_version", f"{version} instead of {VERSION}")
     if code not in MESSAGES:
         raise DecodeError("unknown_type", f"{code}")
-    message: LccaMessage = MESSAGES[code].decode(data[2:])
-    return message
+    if siblings > MAX_PROOF:
+        raise DecodeError("out_of_range", f"{siblings} siblings, of at most {MAX_PROOF}")
+    fields_at = _HEADER_BYTES + siblings * SIBLING_BYTES
+    proof = range(_HEADER_BYTES, fields_at, SIBLING_BYTES)
+    message: LccaMessage = MESSAGES[code].decode(data[fields_at:])
+    return LccaPdu(message, tuple([data[at : at + SIBLING_BYTES] for at in proof]))
 
 
 def as_dict(message: LccaMessage) -> dict[str, Any]:

@@ -1,14 +1,15 @@
 """Who may send a group message: what signatures and BSMs say of its sender.
 
 Two plates that differ by look-alike characters only have one communication ID, and an insider may
-claim any. The predecessor is therefore known by its signer too. Of the vehicles ahead of it, an ID
-that two signers use proves nothing: only what the predecessor repeats is accepted. And who drives
-in the opposite direction is in no group of this one.
+claim any where certificates commit to none. The predecessor is therefore known by its signer too;
+if two have answered for it, both are accepted, but neither ends a warning. Of the vehicles ahead of
+it, an ID that two signers use proves nothing: only what the predecessor repeats is accepted. And
+who drives in the opposite direction is in no group of this one.
 """
 
 import math
 
-from onboard.messages.lcca import CarId, GroupMessage, Leave, Update, Warn
+from onboard.messages.lcca import CarId, GroupMessage, Leave, Update, Warn, WarnCause
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
 
 OPPOSITE_RAD = 2.1
@@ -31,7 +32,7 @@ def sender_violation(
         signer: its signer.
         misbehaviour: knows who uses which ID, and the BSMs of all signers.
         predecessor_id: of the vehicle that this one follows; `None`: it follows none.
-        predecessor_signer: its signer; `None` while it is not known.
+        predecessor_signer: its signer; `None` while it is not known, or two claim to be.
         heading_rad: of the own vehicle, clockwise from north; `None` if it is not known.
     """
     is_predecessor = message.sender_id == predecessor_id
@@ -45,6 +46,8 @@ def sender_violation(
     names: tuple[CarId, ...] = ()
     match message:
         case Leave():
+            names = (message.sender_id,)
+        case Warn(cause=WarnCause.OVER) if is_predecessor and predecessor_signer is None:
             names = (message.sender_id,)
         case Warn() | Update() if not is_predecessor:
             names = (message.sender_id, message.leader_id, message.event_origin_id)

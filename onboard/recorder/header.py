@@ -12,6 +12,7 @@ from onboard.observations import Sensor
 from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
 from onboard.security.credentials import Credential, Credentials
+from onboard.security.id_commitment import leaves_in
 from onboard.security.oer import Malformed, Unsupported
 from onboard.settings import Settings, SettingsError
 
@@ -26,6 +27,8 @@ class Certificates(Settings):
     roots: tuple[str, ...]
     authorities: tuple[str, ...]
     crls: tuple[str, ...] = ()
+    ids: tuple[str, ...] = ()
+    """Of each pseudonym, the leaves of the vehicle IDs that it commits to; empty: of none."""
 
 
 class RecordingHeader(Settings):
@@ -68,11 +71,11 @@ class RecordingHeader(Settings):
                 )
             )
             crls = tuple(bytes.fromhex(crl) for crl in self.certificates.crls)
+            ids = self.certificates.ids or ("",) * len(pseudonyms)
+            own = tuple(
+                Credential(certificate, p256.new_key(), leaves_in(bytes.fromhex(committed)))
+                for certificate, committed in zip(pseudonyms, ids, strict=True)
+            )
         except (ValueError, Malformed, Unsupported) as error:
             raise SettingsError(f"the recording of {self.drive}: a certificate: {error}") from error
-        return Credentials(
-            tuple(Credential(certificate, p256.new_key()) for certificate in pseudonyms),
-            roots,
-            authorities,
-            crls,
-        )
+        return Credentials(own, roots, authorities, crls)

@@ -66,6 +66,7 @@ def _public(credentials: Credentials) -> Certificates:
         roots=tuple(root.encoded.hex() for root in credentials.roots),
         authorities=tuple(authority.encoded.hex() for authority in credentials.authorities),
         crls=tuple(crl.hex() for crl in credentials.crls),
+        ids=tuple(b"".join(own.committed).hex() for own in credentials.pseudonyms),
     )
 
 

@@ -65,7 +65,7 @@ class Daemon:
         """
         self.config = config
         self._manager = manager
-        credentials = read_own_credentials(config.security, config.psids)
+        credentials = read_own_credentials(config.security, config.car.plate, config.psids)
         driver_file = config.access.driver_file
         self._driver = (
             load_driver(driver_file, DEFAULT_POPULATION)

@@ -30,6 +30,11 @@ def leaf(car_id: bytes) -> bytes:
     return _hashed(_LEAF + car_id)
 
 
+def leaves_in(data: bytes) -> tuple[bytes, ...]:
+    """Return the leaves that stand one after the other in a file."""
+    return tuple(data[at : at + NODE_BYTES] for at in range(0, len(data), NODE_BYTES))
+
+
 def root_of(leaves: Sequence[bytes]) -> bytes:
     """Return the root over one or more leaves."""
     return _levels(leaves)[-1][0]

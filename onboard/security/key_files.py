@@ -27,9 +27,10 @@ from onboard.security import p256
 from onboard.security.certificate_codec import decode_certificate
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credential, Credentials
-from onboard.security.id_commitment import NODE_BYTES, ssp_of
+from onboard.security.id_commitment import leaf, leaves_in, root_in, ssp_of
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.pkcs11_token import Pkcs11Key, Pkcs11Token
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.private_file import exposure
 from onboard.security.rejection import NotTrusted
 from onboard.security.secured_crl import load_crl, trust_store
@@ -100,17 +101,50 @@ def read_credentials(
 
 
 def read_own_credentials(
-    security: SecuritySettings, psids: Collection[int] = ()
+    security: SecuritySettings, plate: str, psids: Collection[int] = ()
 ) -> Credentials | None:
     """Read the credentials that a car's settings name; `None` if they name none.
 
     Raises:
-        KeyFilesError, TokenError: as `read_credentials`, or the token cannot be opened.
+        KeyFilesError, TokenError: as `read_credentials`, the token cannot be opened, or the
+            certificates commit to the IDs of another plate or community key.
     """
     if security.keys_folder is None:
         return None
     token = None if security.token is None else Pkcs11Token(security.token)
-    return read_credentials(security.keys_folder, psids, token)
+    credentials = read_credentials(security.keys_folder, psids, token)
+    if credentials.commit_to_ids:
+        check_ids(security.keys_folder, plate, PlateDigest(security.plate_digest))
+    return credentials
+
+
+def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
+    """Check that a car's certificates commit to its IDs, by one of the first one's epochs.
+
+    Args:
+        folder: the folder of the car.
+        plate: its plate.
+        digest: derives the IDs.
+
+    Raises:
+        KeyFilesError: they commit to those of another plate or community key, or to none.
+    """
+    files = sorted((folder / "pseudonyms").glob("*.cert"))
+    certificates = [_read_certificate(file) for file in files]
+    committed = frozenset[bytes]().union(
+        *(
+            _read_committed(file.with_suffix(".ids"), certificate)
+            for file, certificate in zip(files, certificates, strict=True)
+        )
+    )
+    begins_utc_s = certificates[0].subject.valid_from_utc_s if certificates else 0.0
+    if leaf(digest.car_id(plate, begins_utc_s)) not in committed:
+        raise KeyFilesError(
+            f"{folder / 'pseudonyms' / '000.cert'}: commits to the IDs of another vehicle than"
+            f" {plate} (`car.plate`), or of another `security.plate_digest` (`community_key`,"
+            " `epoch_s`, `scrypt_log2_n`), or to none; make certificates with"
+            " `onboard keys car --config`"
+        )
 
 
 def trusted(credentials: Credentials, files: Iterable[Path]) -> list[Trusted]:
@@ -233,12 +267,11 @@ def _read_credential(folder: Path, name: str, token: Pkcs11Token | None = None) 
 
 
 def _read_committed(file: Path, certificate: Certificate) -> tuple[bytes, ...]:
-    """Read the leaves that a certificate commits to; none if there is no such file."""
-    if not file.exists():
+    """Read the leaves that a certificate commits to; none if it commits to nothing."""
+    ssps = [permission.ssp for permission in certificate.subject.permissions]
+    if not file.exists() and not any(map(root_in, ssps)):
         return ()
-    content = _read(file)
-    leaves = tuple(content[at : at + NODE_BYTES] for at in range(0, len(content), NODE_BYTES))
-    ssps = (permission.ssp for permission in certificate.subject.permissions)
+    leaves = leaves_in(_read(file))
     if not leaves or ssp_of(leaves) not in ssps:
         raise KeyFilesError(
             f"{file}: is not of {file.stem}.cert; make both with `onboard keys car`"

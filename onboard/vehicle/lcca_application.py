@@ -134,7 +134,7 @@ class LccaApplication:
             heading_rad: of the host vehicle, clockwise from north; `None` if it is not known.
         """
         self._events.append(MessageReceived(now, message.kind, signer, lcca.as_dict(message)))
-        if signer is not None:
+        if signer is not None and not isinstance(message, lcca.Inquiry):  # which needs no proof
             self._misbehaviour.receive_car_id(signer, message.sender_id)
         match message:
             case lcca.Inquiry() | lcca.Answer():

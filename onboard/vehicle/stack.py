@@ -19,6 +19,7 @@ from onboard.lcca.identification import Identification
 from onboard.messages import bsm, lcca, map_data, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.exchanged import MessageSent
+from onboard.messages.lcca import LccaPdu
 from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
@@ -32,6 +33,7 @@ from onboard.security.security_services import Opened, SecurityServices
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.lcca_link import LccaLink
 from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, Vehicle
 from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid
@@ -52,7 +54,7 @@ class _Codec(NamedTuple):
 
     component: str
     """Which discards those that cannot be."""
-    decode: Callable[[bytes], ReceivedMessage]
+    decode: Callable[[bytes], ReceivedMessage | LccaPdu]
 
 
 _CODECS: Mapping[int, _Codec] = {
@@ -103,6 +105,7 @@ class Stack:
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, self._codecs)
+        self._lcca_link = LccaLink(credentials)
         self._vehicle = Vehicle(
             config,
             tuple(sensors),
@@ -179,6 +182,7 @@ class Stack:
         self._vehicle.handle_timer(now)
 
     def _use_credential(self, now: float) -> None:
+        self._lcca_link.use_pseudonym(self._pseudonym)
         credential = self._pseudonym.credential
         if credential is None:
             return
@@ -222,6 +226,13 @@ class Stack:
         ):
             self._discard_outside_region(opened, now)
             return
+        if isinstance(message, LccaPdu):
+            refusal = self._lcca_link.refusal(message, opened)
+            message = message.message
+            if refusal is not None:
+                detail = f"{message.kind} from {message.sender_id.hex()}"
+                self._vehicle.put_out(Discarded(now, component, refusal, detail))
+                return
         made_at_s = self._security.made_at_s(opened, now)
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
 
@@ -257,7 +268,7 @@ class Stack:
                 self._submit_lcca(message, now)
 
     def _submit_lcca(self, message: lcca.LccaMessage, now: float) -> None:
-        data, priority = lcca.encode(message), message.user_priority
+        data, priority = self._lcca_link.encode(message), message.user_priority
         size_bytes = self._link.submit(data, self._config.lcca_psid, priority, LCCA_LIFETIME_S, now)
         self._vehicle.put_out(
             MessageSent(now, message.kind, priority, size_bytes, lcca.as_dict(message))

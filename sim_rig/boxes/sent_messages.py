@@ -31,7 +31,7 @@ def _sent(wsm: bytes, stamp_s: float) -> MessageSent | None:
         frame = wsmp.decode(wsm)
         if frame.psid != psid.LCCA:
             return None
-        message = lcca.decode(ieee1609dot2.decode(frame.payload).payload)
+        message = lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
     except (DecodeError, Malformed, Unsupported):
         return None
     content = lcca.as_dict(message)

@@ -8,6 +8,7 @@ from pathlib import Path
 from onboard.recorder.header import RecordingHeader
 from onboard.security.credentials import Authority, Credentials
 from onboard.security.key_files import (
+    check_ids,
     read_authority,
     trusted,
     write_authority,
@@ -26,6 +27,7 @@ from onboard.wave_udp import psid
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.cars.background_traffic import background_names
 from sim_rig.road_side.road_side_unit import road_side_units
+from sim_rig.scenario.car_config import known_plates
 from sim_rig.scenario.schema import Scenario
 
 _BOX_DAYS = 30
@@ -38,21 +40,27 @@ def run_credentials(
     """Return the credentials of all stations of a run; a box has its own already.
 
     Raises:
-        KeyFilesError: the boxes' folder of keys cannot be read or made.
+        KeyFilesError: the boxes' folder of keys cannot be read or made, or a box's certificates are
+            not of its car.
     """
     cars = [*scenario.equipped, *background_names(scenario)]
-    units = road_side_units(scenario)
+    units, plates = road_side_units(scenario), known_plates(scenario)
     if not boxes:
-        return make_trial(cars, psid.OF_VEHICLES, utc_s, road_side_units=units)
+        return make_trial(cars, psid.OF_VEHICLES, utc_s, road_side_units=units, plates=plates)
     folder = next(iter(boxes.values())).keys
     issuing = _authority(folder)
     for car in boxes:
-        if not (folder / car).exists():
-            own = make_pseudonyms(
-                issuing, _BOX_PSEUDONYMS, psid.OF_VEHICLES, **_valid(utc_s, _BOX_DAYS)
-            )
-            write_credentials(folder / car, own)
-    trial = issue_trial(issuing, cars, psid.OF_VEHICLES, utc_s, road_side_units=units)
+        plate = plates[car]
+        if (folder / car).exists():
+            check_ids(folder / car, plate.text, plate.digest)
+            continue
+        own = make_pseudonyms(
+            issuing, _BOX_PSEUDONYMS, psid.OF_VEHICLES, plate=plate, **_valid(utc_s, _BOX_DAYS)
+        )
+        write_credentials(folder / car, own)
+    trial = issue_trial(
+        issuing, cars, psid.OF_VEHICLES, utc_s, road_side_units=units, plates=plates
+    )
     for credentials in trial.values():
         # An authority that may not grant a service is an error now, not silence in the run.
         trusted(credentials, [folder / "issuing"] * len(credentials.pseudonyms))

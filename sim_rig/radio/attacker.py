@@ -15,7 +15,7 @@ from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.messages.lcca import LccaMessage, Reply, Update, Warn, WarnCause
+from onboard.messages.lcca import Reply, Update, Warn, WarnCause
 from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import SignedData
@@ -59,6 +59,7 @@ class Attacker:
         self._signer: bytes | None = None
         self._core: CoreData | None = None
         self._group_message: Reply | Update | None = None
+        self._proof: tuple[bytes, ...] = ()
         self._to_replay: list[tuple[float, int, int, bytes]] = []
         self._order = count()
         self._next_at = math.inf
@@ -118,11 +119,11 @@ class Attacker:
             self._core = bsm.decode(payload).core
             return
         try:
-            message: LccaMessage = lcca.decode(payload)
+            pdu = lcca.decode(payload)
         except DecodeError:
             return
-        if isinstance(message, Reply | Update):
-            self._group_message = message
+        if isinstance(pdu.message, Reply | Update):
+            self._group_message, self._proof = pdu.message, pdu.proof
 
     def _sign_as(self, data: SignedData) -> None:
         """Sign with the car's current pseudonym: two pseudonyms with one ID are implausible."""
@@ -147,7 +148,7 @@ class Attacker:
             age_s=0.05,
             hops=1,
         )
-        return self._sealed(lcca.encode(warn), psid.LCCA, now)
+        return self._sealed(lcca.encode(warn, self._proof), psid.LCCA, now)
 
     def _ghost(self, core: CoreData, now: float) -> BasicSafetyMessage:
         """BSM of a car ahead in the lane that brakes for half a cycle and accelerates again."""

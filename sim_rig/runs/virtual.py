@@ -31,7 +31,7 @@ from sim_rig.runs.car_states import car_state_records
 from sim_rig.runs.power_cuts import with_power_cuts
 from sim_rig.runs.virtual_car import START_UTC_S, VirtualCar
 from sim_rig.runs.virtual_recorder import VirtualRecorder
-from sim_rig.scenario.car_config import names_by_id
+from sim_rig.scenario.car_config import known_plates, names_by_id
 from sim_rig.scenario.schema import Scenario
 
 _MOST_STEPS = 10_000
@@ -90,7 +90,12 @@ class _VirtualRun:
             cars = [*scenario.equipped, *background_names(scenario)]
             units = road_side_units(scenario)
             credentials = make_trial(
-                cars, psid.OF_VEHICLES, START_UTC_S, new_key, road_side_units=units
+                cars,
+                psid.OF_VEHICLES,
+                START_UTC_S,
+                new_key,
+                road_side_units=units,
+                plates=known_plates(scenario),
             )
         air_rng = np.random.default_rng(air_seed)
         air = FaultyAir(

@@ -5,6 +5,7 @@ from typing import Any
 
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
+from onboard.tools.test_ca.authority import KnownPlate
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
@@ -51,6 +52,17 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
 def gnss_config(receiver: ReceiverSettings) -> dict[str, object]:
     """Tree of the car's GNSS settings, without the address of gpsd."""
     return {"latency_s": receiver.latency_s}
+
+
+def plate_digest() -> PlateDigest:
+    """Return a new digest of the rig's settings."""
+    return PlateDigest(PlateDigestSettings.model_validate(DIGEST))
+
+
+def known_plates(scenario: Scenario) -> dict[str, KnownPlate]:
+    """Return what the certificates of the equipped cars commit to, by name."""
+    digest = plate_digest()
+    return {name: KnownPlate(scenario.cars[name].identity, digest) for name in scenario.equipped}
 
 
 def names_by_id(scenario: Scenario, from_utc_s: float, until_utc_s: float) -> dict[str, str]:

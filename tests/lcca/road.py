@@ -258,7 +258,7 @@ class Road:
 
     def _deliver(self, car: Car, data: bytes) -> None:
         if self._is_here(car) and car.has_radio:
-            message = decode(data)
+            message = decode(data).message
             assert isinstance(message, GroupMessage)
             car.group.receive_message(message, self.now)
             self._serve(car)

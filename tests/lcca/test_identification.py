@@ -316,7 +316,7 @@ def test_an_inquiry_names_at_most_16_texts_and_none_twice() -> None:
     (inquiry,) = drive.inquiries
     assert len(inquiry.names) == len(set(inquiry.names)) == MAX_NAMES
     assert list(inquiry.names) == sorted(inquiry.names)  # a listener learns no order
-    assert decode(encode(inquiry)) == inquiry
+    assert decode(encode(inquiry)).message == inquiry
 
 
 def test_a_car_answers_for_its_plate_and_for_its_bsms_with_its_speed() -> None:

@@ -8,12 +8,15 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages.lcca import (
+    MAX_PROOF,
     MESSAGES,
+    SIBLING_BYTES,
     VERSION,
     Answer,
     Inquiry,
     Join,
     LccaMessage,
+    LccaPdu,
     Leave,
     LeaveReason,
     Reply,
@@ -24,6 +27,7 @@ from onboard.messages.lcca import (
     decode,
     encode,
 )
+from onboard.security import id_commitment
 from tests.messages.strategies import records
 
 A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
@@ -31,32 +35,38 @@ A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
 EXAMPLES: list[tuple[LccaMessage, str]] = [
     (
         Join(B, B, 1, A, 7, A, 258, C),
-        "02 01" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102" + C.hex(),
+        "03 01 00" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102" + C.hex(),
     ),
     (
         Reply(A, A, 1, B, 7, 99, 20.0, C),
         # 20.0 m/s is 2000 steps of 0.01
-        "02 02" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0" + C.hex(),
+        "03 02 00" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0" + C.hex(),
     ),
     (
         Leave(B, A, 2, A, LeaveReason.NOT_AHEAD),
-        "02 03" + B.hex() + A.hex() + "0002" + A.hex() + "02",
+        "03 03 00" + B.hex() + A.hex() + "0002" + A.hex() + "02",
     ),
     (
         Update(B, B, 1, B, 5, 2, A, -1, 99),
-        "02 04" + B.hex() + B.hex() + "0001" + B.hex() + "0005 0002" + A.hex() + "ffff 0063",
+        "03 04 00" + B.hex() + B.hex() + "0001" + B.hex() + "0005 0002" + A.hex() + "ffff 0063",
     ),
     (
         Warn(C, A, 3, A, 6, 2, 1, 5, WarnCause.DECELERATION, 7.5, 0.042, 2),
-        "02 05" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 0005 02 4b 002a 02",
+        "03 05 00" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 0005 02 4b 002a 02",
     ),
     (
         Inquiry(B, 7, (A[:4], C[:4])),
         # 4 bits count the names after the first; 4 bits of padding end the message
-        "02 06" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
+        "03 06 00" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
     ),
-    (Answer(A, B, 7, b"temp", 20.0), "02 07" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0"),
+    (
+        Answer(A, B, 7, b"temp", 20.0),
+        "03 07 00" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0",
+    ),
 ]
+
+
+PROOFS = st.lists(st.binary(min_size=SIBLING_BYTES, max_size=SIBLING_BYTES), max_size=MAX_PROOF)
 
 
 def messages() -> st.SearchStrategy[Any]:
@@ -69,7 +79,7 @@ def messages() -> st.SearchStrategy[Any]:
 )
 def test_the_bytes_are_the_declared_ones(message: LccaMessage, wire: str) -> None:
     assert encode(message).hex() == bytes.fromhex(wire).hex()
-    assert decode(bytes.fromhex(wire)) == message
+    assert decode(bytes.fromhex(wire)) == LccaPdu(message)
 
 
 @pytest.mark.parametrize(
@@ -86,20 +96,42 @@ def test_every_truncation_is_too_short(message: LccaMessage, wire: str) -> None:
     assert refusal.value.reason == "trailing_bytes"
 
 
-@given(messages())
-def test_every_declared_lcca_message_survives_encoding_and_decoding(message: LccaMessage) -> None:
-    assert decode(encode(message)) == message
+@given(messages(), PROOFS)
+def test_every_declared_lcca_message_survives_encoding_and_decoding(
+    message: LccaMessage, proof: list[bytes]
+) -> None:
+    assert decode(encode(message, proof)) == LccaPdu(message, tuple(proof))
 
 
 @given(st.binary(max_size=64), st.sampled_from(sorted(MESSAGES)))
 def test_any_bytes_are_refused_or_decoded_and_printed(data: bytes, code: int) -> None:
     for garbage in (data, bytes((VERSION, code)) + data):
         try:
-            message = decode(garbage)
+            pdu = decode(garbage)
         except DecodeError:
             continue
-        assert as_dict(message)
-        assert encode(message) == garbage
+        assert as_dict(pdu.message)
+        assert encode(pdu.message, pdu.proof) == garbage
+
+
+def test_the_proof_stands_before_the_fields() -> None:
+    message, wire = EXAMPLES[2]
+    siblings = (b"sibling one.", b"sibling two.")
+    assert (
+        encode(message, siblings)
+        == bytes.fromhex("03 03 02") + b"".join(siblings) + bytes.fromhex(wire)[3:]
+    )
+
+
+def test_a_proof_longer_than_any_certificate_needs_is_refused() -> None:
+    message, _ = EXAMPLES[2]
+    with pytest.raises(DecodeError) as refusal:
+        decode(encode(message, (bytes(SIBLING_BYTES),) * (MAX_PROOF + 1)))
+    assert refusal.value.reason == "out_of_range"
+
+
+def test_proofs_are_those_of_the_certificates() -> None:
+    assert (SIBLING_BYTES, MAX_PROOF) == (id_commitment.NODE_BYTES, id_commitment.MAX_PROOF)
 
 
 def test_another_version_is_a_decode_error() -> None:
@@ -118,7 +150,7 @@ def test_an_unknown_type_is_a_decode_error() -> None:
 
 def test_a_leave_reason_of_a_later_version_is_kept() -> None:
     later = Leave(B, A, 2, A, 200)
-    assert decode(encode(later)) == later
+    assert decode(encode(later)).message == later
     assert as_dict(later)["reason"] == "unknown_200"
 
 

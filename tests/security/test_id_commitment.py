@@ -16,9 +16,14 @@ from onboard.security.id_commitment import (
     root_of,
     ssp_of,
 )
-from onboard.security.key_files import KeyFilesError, read_credentials, write_credentials
+from onboard.security.key_files import (
+    KeyFilesError,
+    read_credentials,
+    read_own_credentials,
+    write_credentials,
+)
 from onboard.security.plate_digest import PlateDigest
-from onboard.security.settings import PlateDigestSettings
+from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.test_ca.authority import KnownPlate, make_pseudonyms
 from tests.security.trial import BSM, ISSUING, LCCA, UTC_S, VALID, new_key
 
@@ -107,6 +112,35 @@ def test_they_are_kept_beside_the_keys(tmp_path):
     assert [own.committed for own in read.pseudonyms] == [
         own.committed for own in credentials.pseudonyms
     ]
+
+
+def _settings(folder, key="onboard-open-community"):
+    digest = PlateDigestSettings(scrypt_log2_n=1, community_key=key)
+    return SecuritySettings(keys_folder=folder, plate_digest=digest)
+
+
+def test_a_vehicle_starts_with_certificates_of_its_plate(tmp_path):
+    write_credentials(tmp_path / "car", _credentials())
+    read = read_own_credentials(_settings(tmp_path / "car"), "ABC 123", {BSM, LCCA})
+    assert read.commit_to_ids
+
+
+@pytest.mark.parametrize(
+    ("plate", "key"), [("ABC124", "onboard-open-community"), ("ABC123", "another community's key")]
+)
+def test_certificates_of_another_plate_or_community_key_are_an_error(tmp_path, plate, key):
+    write_credentials(tmp_path / "car", _credentials())
+    with pytest.raises(
+        KeyFilesError, match=rf"pseudonyms/000\.cert: .* than {plate} \(`car.plate`"
+    ):
+        read_own_credentials(_settings(tmp_path / "car", key), plate)
+
+
+def test_a_missing_file_of_ids_is_an_error(tmp_path):
+    write_credentials(tmp_path / "car", _credentials())
+    (tmp_path / "car" / "pseudonyms" / "001.ids").unlink()
+    with pytest.raises(KeyFilesError, match=r"001\.ids: cannot be read: No such file"):
+        read_credentials(tmp_path / "car", {BSM, LCCA})
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * NODE_BYTES, b"x" * (NODE_BYTES + 1)])

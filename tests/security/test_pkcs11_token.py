@@ -164,16 +164,14 @@ def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
         assert made.exit_code == 0, made.output
     assert not list((tmp_path / "car").rglob("*.key"))
     security = SecuritySettings(keys_folder=tmp_path / "car", token=settings)
-    own = key_files.read_own_credentials(security, (BSM,))
+    own = key_files.read_own_credentials(security, "ABC1234", (BSM,))
     assert own is not None
     assert len(own.pseudonyms) == 2
     message = SecurityServices(time.time(), own).secure(b"brakes", BSM, 0.0)
     other = SecurityServices(time.time(), key_files.read_credentials(tmp_path / "other"))
     assert other.open(message, BSM, 0.1).payload == b"brakes"
-    findings = {
-        each.level for each in examine_keys(security, time.time()) if "pseudonyms" in each.detail
-    }
-    assert findings == {FindingLevel.GOOD}
+    found = examine_keys(security, "ABC1234", time.time())
+    assert {each.level for each in found if "pseudonyms" in each.detail} == {FindingLevel.GOOD}
     with pytest.raises(key_files.KeyFilesError, match=r"000\.key: cannot be read"):
         key_files.read_credentials(tmp_path / "car")
     keys = len(list(token._session.get_objects()))

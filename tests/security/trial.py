@@ -1,13 +1,16 @@
 """Credentials of cars that trust each other, the same in every run."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from onboard.security import p256
 from onboard.security.credentials import Credentials
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.security_services import SecurityServices
-from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
+from onboard.security.settings import PlateDigestSettings
+from onboard.tools.test_ca.authority import KnownPlate, make_issuing, make_pseudonyms, make_root
 
 UTC_S = 1_790_000_000.0
 """UTC at monotonic time 0 in all of these tests."""
@@ -21,6 +24,16 @@ ISSUING = make_issuing(ROOT, "issuing", new_key=new_key, **VALID)
 ALICE, BOB, CAROL, DAVE = (
     make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, **VALID) for _ in range(4)
 )
+"""Of an authority that knows no plates."""
+
+
+@cache
+def credentials_of(plate: str, epoch_s: float = 300.0) -> Credentials:
+    """Return the certificates of a vehicle whose plate the authority knows."""
+    digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
+    return make_pseudonyms(
+        ISSUING, 3, {BSM, LCCA}, new_key=new_key, plate=KnownPlate(plate, digest), **VALID
+    )
 
 
 def security(credentials: Credentials | None = None) -> SecurityServices:

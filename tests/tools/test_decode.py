@@ -55,7 +55,7 @@ WSM_FIELDS = {
     "psid": 0x4020,
     "psid_name": "private (unregistered) use",
     "t_extensions": [],
-    "wsm_length_bytes": 32,
+    "wsm_length_bytes": 33,
 }
 
 
@@ -72,10 +72,15 @@ def test_each_layer_is_recognised_by_its_bytes() -> None:
     assert list(describe(unsecured(message))) == ["1609.2", "lcca"]
 
 
-def test_version_2_of_wsmp_is_recognised_beside_lcca_messages() -> None:
-    layers = describe(bytes.fromhex("02 20 80 0004") + unsecured(b"\0"))
-    assert list(layers)[:2] == ["wsm", "1609.2"]
-    assert layers["wsm"]["version"] == lcca.VERSION == 2
+def test_wsmp_is_recognised_beside_lcca_messages_of_its_version() -> None:
+    layers = describe(wsmp.encode(WaveShortMessage(0x4020, unsecured(lcca.encode(LEAVE)))))
+    assert list(layers) == ["wsm", "1609.2", "lcca"]
+    assert layers["wsm"]["version"] == lcca.VERSION == 3
+
+
+def test_the_siblings_of_a_proof_are_shown() -> None:
+    layers = describe(lcca.encode(LEAVE, (bytes(12), b"sibling 2...")))
+    assert layers["lcca"]["proof"] == ["00" * 12, b"sibling 2...".hex()]
 
 
 def test_a_repeated_layer_is_described_twice() -> None:
@@ -155,7 +160,7 @@ def test_a_bsm_with_an_invalid_footer_is_described() -> None:
             "0014",
         ),
         ("030020 02 0380", Form.AUTO, ["wsm"], ("1609.2", "malformed"), "0380"),
-        ("0380 01 aa", Form.LCCA, [], ("lcca", "unknown_version"), "038001aa"),
+        ("0280 01 aa", Form.LCCA, [], ("lcca", "unknown_version"), "028001aa"),
         ("01 030023 0101", Form.AUTO, [], ("wsm", "unknown_version"), "010300230101"),
         ("030023 02 0102", Form.AUTO, ["wsm"], ("auto", "unknown_psid"), "0102"),
         ("030023 01 ff", Form.AUTO, ["wsm"], ("auto", "unknown_psid"), "ff"),

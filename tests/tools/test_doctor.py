@@ -343,16 +343,16 @@ def test_keys_that_are_not_valid_now_are_missing(tmp_path: Path) -> None:
     write_credentials(tmp_path / "car", credentials)
     digest = PlateDigestSettings.model_validate({"community_key": "our own trial's key"})
     security = SecuritySettings(keys_folder=tmp_path / "car", plate_digest=digest)
-    (valid,) = computer.examine_keys(security, now)
-    (expired,) = computer.examine_keys(security, now + 10 * 365 * computer.DAY_S)
+    (valid,) = computer.examine_keys(security, "OWN1", now)
+    (expired,) = computer.examine_keys(security, "OWN1", now + 10 * 365 * computer.DAY_S)
 
     assert valid.level is not MISSING
     assert (expired.level, expired.detail.endswith("none valid now")) == (MISSING, True)
 
 
 def test_unsigned_messages_missing_keys_and_the_public_community_key() -> None:
-    unsigned, public = computer.examine_keys(SecuritySettings(), 0.0)
-    lost, _ = computer.examine_keys(SecuritySettings(keys_folder=Path("/nonexistent")), 0.0)
+    unsigned, public = computer.examine_keys(SecuritySettings(), "OWN1", 0.0)
+    lost, _ = computer.examine_keys(SecuritySettings(keys_folder=Path("/nonexistent")), "OWN1", 0.0)
 
     assert (unsigned.level, public.level, lost.level) == (DOUBTFUL, DOUBTFUL, MISSING)
 

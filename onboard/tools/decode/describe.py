@@ -98,10 +98,10 @@ def _form_of(data: bytes, inner_psid: int | None) -> Form:
     first, second = (data + bytes(2))[:2]
     if data.startswith(b"Version"):
         return Form.RSU41
-    if inner_psid in psid.PRIVATE_USE and first == lcca.VERSION:
-        return Form.LCCA
     if first == wsmp.VERSION and second >= 0x80:
         return Form.DOT2
+    if inner_psid in psid.PRIVATE_USE and first == lcca.VERSION:
+        return Form.LCCA
     if first == 0 or inner_psid in psid.J2735:
         return Form.MESSAGE_FRAME
     if inner_psid is None:
@@ -216,8 +216,9 @@ def _mvs_footer(data: bytes) -> _Layer:
 
 
 def _lcca(data: bytes) -> _Layer:
-    message = lcca.decode(data)
-    return _Layer({"message": message.kind, **lcca.as_dict(message)})
+    pdu = lcca.decode(data)
+    proof = {"proof": [each.hex() for each in pdu.proof]} if pdu.proof else {}
+    return _Layer({"message": pdu.message.kind, **lcca.as_dict(pdu.message), **proof})
 
 
 def _dot2(data: bytes) -> _Layer:

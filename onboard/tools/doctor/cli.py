@@ -86,7 +86,7 @@ async def examine(config: CarConfig, patience_s: float) -> list[Finding]:
         examine_program(),
         examine_clock(now_utc_s),
         *examine_disk(written_folders(config)),
-        *examine_keys(config.security, now_utc_s),
+        *examine_keys(config.security, config.car.plate, now_utc_s),
     ]
 
 

@@ -125,9 +125,9 @@ def examine_free_space(folder: Path, free_bytes: int) -> Finding:
     return Finding("disk", FindingLevel.GOOD, detail)
 
 
-def examine_keys(security: SecuritySettings, now_utc_s: float) -> list[Finding]:
-    """Test the certificates, their validity at `now_utc_s`, and the community key."""
-    findings = [_certificates(security, now_utc_s)]
+def examine_keys(security: SecuritySettings, plate: str, now_utc_s: float) -> list[Finding]:
+    """Test the certificates, their plate, their validity at `now_utc_s`, and the community key."""
+    findings = [_certificates(security, plate, now_utc_s)]
     default = PlateDigestSettings().community_key
     if security.plate_digest.community_key == default:
         public = "the community key is the public default, so plates are not secret"
@@ -135,9 +135,9 @@ def examine_keys(security: SecuritySettings, now_utc_s: float) -> list[Finding]:
     return findings
 
 
-def _certificates(security: SecuritySettings, now_utc_s: float) -> Finding:
+def _certificates(security: SecuritySettings, plate: str, now_utc_s: float) -> Finding:
     try:
-        credentials = read_own_credentials(security)
+        credentials = read_own_credentials(security, plate)
     except (KeyFilesError, TokenError) as error:
         return Finding("keys", FindingLevel.MISSING, str(error), NEW_KEYS)
     if credentials is None:

@@ -94,8 +94,8 @@ def car(
     config: Annotated[
         Path | None,
         typer.Option(
-            help="The car's configuration: the certificates commit to the IDs of its plate,"
-            " which receivers do not check yet; the keys are made in its `security.token`."
+            help="The car's configuration: the certificates commit to the IDs of its plate;"
+            " the keys are made in its `security.token`."
         ),
     ] = None,
 ) -> None:

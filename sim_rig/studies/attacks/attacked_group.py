@@ -32,6 +32,7 @@ from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
 
+DIGEST = {"scrypt_log2_n": 1}
 LEADER, *FOLLOWERS = PLATES = ("AAA1", "BBB2", "CCC3")
 SENSORS = (Sensor.SPEED, Sensor.POSITION, Sensor.CAMERA)
 GAP_M = 15.0
@@ -85,7 +86,7 @@ class AttackedGroup:
             tree = {
                 "car": {"plate": plate},
                 "gnss": {},
-                "security": {"plate_digest": {"scrypt_log2_n": 1}, "check_braking": checks},
+                "security": {"plate_digest": DIGEST, "check_braking": checks},
             }
             config = parse_settings(tree, CarConfig, plate)
             self._stacks[plate] = Stack(
@@ -193,7 +194,7 @@ class AttackedGroup:
         for frame in map(wsmp.decode, wsms):
             if frame.psid != psid.LCCA:
                 continue
-            message = lcca.decode(ieee1609dot2.decode(frame.payload).payload)
+            message = lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
             if message.sender_id not in self.leader_ids[-1:]:
                 self.leader_ids.append(message.sender_id)
             if isinstance(message, Update | Warn):

@@ -11,12 +11,22 @@ import numpy as np
 
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
+from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
-from onboard.tools.test_ca.authority import make_trial
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonyms
+from onboard.security.settings import PlateDigestSettings
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import STEP_S, Signer
-from sim_rig.studies.attacks.attacked_group import BRAKING_S, FOLLOWERS, PLATES, AttackedGroup
+from sim_rig.studies.attacks.attacked_group import (
+    BRAKING_S,
+    DIGEST,
+    FOLLOWERS,
+    PLATES,
+    AttackedGroup,
+)
 
 NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
@@ -57,12 +67,14 @@ def run_group(
         What is counted in the run.
     """
     rng, *rngs = np.random.default_rng(seed).spawn(1 + len(PLATES))
-    names = [f"insider{number}" for number in range(insiders)]
+    names = [f"EVIL{number}" for number in range(insiders)]
+    digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
+    plates = {plate: KnownPlate(plate, digest) for plate in (*PLATES, *names)}
     services = {psid.BSM, psid.LCCA}
-    keys = make_trial([*PLATES, *names], services, utc_s, key_from(rng), pseudonyms=1)
+    keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=1, plates=plates)
     group = AttackedGroup(keys, utc_s, rngs, checks=checks)
     group.drive(JOINED_S)
-    signers = [Signer(keys[name], utc_s, name[-4:].encode()) for name in names]
+    signers = [GroupInsider(name, digest, keys[name], utc_s) for name in names]
     senders = [partial(_forged, group, signer, forgery) for signer in signers]
     group.drive(QUIET_S, senders)
     brakings_at = []
@@ -99,13 +111,39 @@ def _count(
     return len(false_s), round(sum(false_s), 1), missed
 
 
+class GroupInsider:
+    """A radio with a certificate of its own vehicle, whose ID it proves."""
+
+    def __init__(self, plate: str, digest: PlateDigest, keys: Credentials, utc_s: float) -> None:
+        """Start at time 0, which is `utc_s`.
+
+        Args:
+            plate: of its vehicle.
+            digest: of the trial.
+            keys: one certificate.
+            utc_s: seconds since 1970.
+        """
+        self._utc_s = utc_s
+        self._signer = Signer(keys, utc_s, plate[-4:].encode())
+        self._pseudonyms = Pseudonyms(plate, digest, keys, np.random.default_rng(1))
+
+    def own_id(self, now: float) -> CarId:
+        """Return the communication ID of its vehicle."""
+        return self._pseudonyms.at(self._utc_s + now).car_id
+
+    def signed(self, message: LccaMessage, now: float) -> bytes:
+        """Return a message signed, with the proof of its own ID, in a WSM."""
+        proof = self._pseudonyms.at(self._utc_s + now).proof
+        return self._signer.signed(lcca.encode(message, proof), psid.LCCA, now)
+
+
 def _forged(
-    group: AttackedGroup, signer: Signer, forgery: GroupForgery, now: float
+    group: AttackedGroup, insider: GroupInsider, forgery: GroupForgery, now: float
 ) -> Iterator[bytes]:
     """Yield what one insider sends at a time."""
-    own = signer.temporary_id.rjust(8, b"-")
+    own = insider.own_id(now)
     for message in forgery(own, group.leader_ids[-1], group.newest, round(now / STEP_S)):
-        yield signer.signed(lcca.encode(message), psid.LCCA, now)
+        yield insider.signed(message, now)
 
 
 def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> Warn:

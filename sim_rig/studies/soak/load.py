@@ -31,7 +31,7 @@ from onboard.security.credentials import Credentials
 from onboard.security.key_files import write_credentials
 from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
-from onboard.tools.test_ca.authority import make_trial
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
 from onboard.vision.settings import CameraSettings
@@ -43,7 +43,7 @@ from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from sim_rig.run_log.latency_ledger import alarm_stamp_s
 from sim_rig.run_log.run_log import Record, read_trace
-from sim_rig.scenario.car_config import DIGEST
+from sim_rig.scenario.car_config import DIGEST, plate_digest
 from sim_rig.studies.soak.braking_lead import (
     HOST_M_S,
     LARGEST_GAP_M,
@@ -224,7 +224,14 @@ class _DaemonTestbench:
     async def set_up(cls, folder: Path, wires: AsyncExitStack) -> "_DaemonTestbench":
         """Start the daemon and all its inputs."""
         utc_s, psids = time.time(), {psid.BSM, psid.LCCA}
-        trial = make_trial(["own", "ahead", "background"], psids, utc_s, pseudonyms=REMOTE_VEHICLES)
+        digest = plate_digest()
+        trial = make_trial(
+            ["own", "ahead", "background"],
+            psids,
+            utc_s,
+            pseudonyms=REMOTE_VEHICLES,
+            plates={"own": KnownPlate("TAG2", digest), "ahead": KnownPlate("TAG1", digest)},
+        )
         for name in ("own", "background"):
             write_credentials(folder / name, trial[name])
         road = BrakingLead(time.monotonic())

@@ -11,12 +11,12 @@ import numpy as np
 import yaml
 
 from onboard.security.key_files import write_credentials
-from onboard.tools.test_ca.authority import make_trial
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.wave_udp import psid
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import ProcessError, Processes
-from sim_rig.scenario.car_config import DIGEST
+from sim_rig.scenario.car_config import DIGEST, plate_digest
 from sim_rig.studies.soak.load import free_port, processor_s
 
 READY_WITHIN_S = 120.0
@@ -46,7 +46,9 @@ async def run_daemons(folder: Path, cars: int, during_s: float) -> DaemonUsage:
     Raises:
         ProcessError: a daemon is not ready in time, or has ended.
     """
-    trial = make_trial([f"car{n}" for n in range(cars)], {psid.BSM, psid.LCCA}, time.time())
+    names, digest = [f"car{n}" for n in range(cars)], plate_digest()
+    plates = {name: KnownPlate(name.upper(), digest) for name in names}
+    trial = make_trial(names, {psid.BSM, psid.LCCA}, time.time(), plates=plates)
     async with AsyncExitStack() as wires:
         radio = _RadioUnits()
         wires.callback(radio.close)

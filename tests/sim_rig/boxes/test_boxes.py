@@ -163,6 +163,18 @@ def test_two_wires_of_one_box_with_one_address_are_named(fig4: Scenario, tmp_pat
     assert f"red: camera.port: 127.0.0.1:{BUS} is bus.port of red already" in mistakes(fig4, given)
 
 
+def test_a_box_s_certificates_of_another_plate_are_named(fig4: Scenario, tmp_path: Path) -> None:
+    """The rig's vehicles would discard what it sends."""
+    boxes = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
+    trial = run_credentials(fig4, boxes, 1_750_000_000.0)
+    assert trial["red"].commit_to_ids
+    run_credentials(fig4, boxes, 1_750_000_000.0)
+    red = fig4.cars["red"].model_copy(update={"plate": "XX1"})
+    renamed = fig4.model_copy(update={"cars": fig4.cars | {"red": red}})
+    with pytest.raises(KeyFilesError, match=r"keys/red/pseudonyms/000\.cert: .* than XX1"):
+        run_credentials(renamed, boxes, 1_750_000_000.0)
+
+
 def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path: Path) -> None:
     (tmp_path / "keys").mkdir()
     red = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)

@@ -254,7 +254,7 @@ def test_a_forged_brake_is_a_warning_to_the_attackers_group() -> None:
     air.send_unsecured("ann", lcca.encode(reply), psid.LCCA, 11.0)
     air.pass_until(25.0)
 
-    forged = [lcca.decode(each) for each in air.payloads("ben", psid.LCCA)][1:]
+    forged = [lcca.decode(each).message for each in air.payloads("ben", psid.LCCA)][1:]
     assert len(forged) == 5
     assert all(isinstance(warn, Warn) for warn in forged)
     assert {(warn.leader_id, warn.number) for warn in forged} == {(b"leader..", 2)}  # type: ignore[union-attr]

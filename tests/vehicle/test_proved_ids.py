@@ -1,0 +1,252 @@
+"""Whole vehicles whose certificates commit to their IDs: nobody speaks under that of another."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pytest
+
+from onboard.lcca.transitions import GroupState
+from onboard.messages import lcca
+from onboard.messages.lcca import CarId, LccaMessage
+from onboard.observations import HardBrake
+from onboard.security import ieee1609dot2
+from onboard.security.credentials import Credentials
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonym, Pseudonyms
+from onboard.security.security_services import SecurityServices
+from onboard.security.settings import PlateDigestSettings
+from onboard.step import Input, ReceivedWsm
+from onboard.trace.trace_line import as_record
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
+from tests.security.trial import ALICE, BOB, CAROL, UTC_S, credentials_of
+from tests.vehicle.platoon import SPEED_M_S, Platoon, car
+
+PLATES = ("AAA1", "BBB2", "CCC3")
+EVIL = "EVIL9"
+
+
+class Insider:
+    """A radio with certificates of its own plate."""
+
+    def __init__(self, epoch_s: float, keys: Credentials | None = None) -> None:
+        self.digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
+        self.keys = keys or credentials_of(EVIL, epoch_s)
+        self._security = SecurityServices(UTC_S, self.keys)
+        self._pseudonyms = Pseudonyms(EVIL, self.digest, self.keys, np.random.default_rng(9))
+
+    def pseudonym(self, now: float) -> Pseudonym:
+        return self._pseudonyms.at(UTC_S + now)
+
+    def wsm(
+        self, message: LccaMessage, now: float, proof: tuple[bytes, ...] | None = None
+    ) -> ReceivedWsm:
+        """A signed message, with the proof of the own ID unless another one is given."""
+        pseudonym = self.pseudonym(now)
+        assert pseudonym.credential is not None
+        self._security.sign_with(pseudonym.credential)
+        payload = lcca.encode(message, pseudonym.proof if proof is None else proof)
+        secured = self._security.secure(payload, psid.LCCA, now)
+        return ReceivedWsm(now, wsmp.encode(WaveShortMessage(psid.LCCA, secured)))
+
+
+def driven(
+    epoch_s: float = 300.0, keys: dict[str, Credentials] | None = None, seconds: float = 3.0
+) -> Platoon:
+    """Three vehicles that have formed a group."""
+    keys = keys or {plate: credentials_of(plate, epoch_s) for plate in PLATES}
+    platoon = Platoon(
+        {
+            plate: car(plate, epoch_s, own, UTC_S, seed)
+            for seed, (plate, own) in enumerate(keys.items())
+        }
+    )
+    platoon.drive(seconds)
+    return platoon
+
+
+def stack_of(platoon: Platoon, plate: str) -> Stack:
+    return platoon.cars[plate]
+
+
+def car_id(platoon: Platoon, plate: str, at_s: float | None = None) -> CarId:
+    at_s = platoon.now if at_s is None else at_s
+    return stack_of(platoon, plate).digest.car_id(plate, UTC_S + at_s)
+
+
+def reasons(platoon: Platoon, plate: str) -> list[str]:
+    return [as_record(event)["reason"] for event in platoon.events_of(plate, "discarded")]
+
+
+def brakes(platoon: Platoon, plate: str) -> None:
+    platoon.speed_m_s[plate] = SPEED_M_S - 1.0
+    platoon.drive(0.1)
+    platoon.receive(plate, HardBrake(platoon.now, 7.0, source="obd"))
+    platoon.settle()
+
+
+def warned(platoon: Platoon) -> list[str]:
+    return [plate for plate in PLATES if list(platoon.events_of(plate, "warning"))]
+
+
+def test_an_honest_group_forms_and_is_warned() -> None:
+    platoon = driven()
+
+    assert [stack_of(platoon, plate).group.state for plate in PLATES] == [
+        GroupState.LEADER, GroupState.MEMBER, GroupState.MEMBER,
+    ]  # fmt: skip
+    brakes(platoon, "AAA1")
+    platoon.drive(0.3)
+    assert warned(platoon) == ["BBB2", "CCC3"]
+    assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)
+
+
+def test_an_honest_group_lasts_over_a_change_of_ids_though_clocks_differ() -> None:
+    keys = {plate: credentials_of(plate, 30.0) for plate in PLATES}
+    late_s = dict(zip(PLATES, (0.0, 0.9, -0.9), strict=True))
+    platoon = Platoon(
+        {
+            plate: car(plate, 30.0, own, UTC_S + late_s[plate], seed)
+            for seed, (plate, own) in enumerate(keys.items())
+        }
+    )
+    platoon.drive(65.0)
+
+    assert [stack_of(platoon, plate).group.group_number for plate in PLATES] == [1, 2, 3]
+    assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)
+    lost = [each for plate in PLATES for each in platoon.events_of(plate, "transition")]
+    assert not [as_record(each) for each in lost if as_record(each)["event"].startswith("left")]
+
+
+def forgeries(lead: CarId, follower: CarId) -> Iterator[LccaMessage]:
+    """What an insider sends under the IDs of a leader and its follower."""
+    yield lcca.Join(follower, lead, 2, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    yield lcca.Reply(lead, lead, 1, follower, 900, 900, SPEED_M_S, lcca.NO_ID)
+    yield lcca.Leave(follower, lead, 2, lead, lcca.LeaveReason.GAP)
+    yield lcca.Update(lead, lead, 1, lead, 900, 1, lead, -5, 900)
+    yield lcca.Warn(lead, lead, 1, lead, 900, 1, 1, 900, lcca.WarnCause.DECELERATION, 7.0, 0.0, 1)
+    yield lcca.Answer(lead, follower, 0, b"EVIL", SPEED_M_S)
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_message_under_the_id_of_another_is_discarded(number: int) -> None:
+    platoon, insider = driven(), Insider(300.0)
+    forged = list(forgeries(car_id(platoon, "AAA1"), car_id(platoon, "BBB2")))[number]
+    for plate in ("AAA1", "BBB2"):
+        platoon.receive(plate, insider.wsm(forged, platoon.now))
+    platoon.settle()
+
+    assert reasons(platoon, "AAA1")[-1:] == reasons(platoon, "BBB2")[-1:] == ["unproved_id"]
+    assert warned(platoon) == []
+    brakes(platoon, "AAA1")
+    platoon.drive(0.3)
+    assert warned(platoon) == ["BBB2", "CCC3"]
+    assert "claimed_by_two" not in reasons(platoon, "BBB2")
+
+
+@pytest.mark.parametrize("proof", ["own", "truncated", "longer", "of another epoch", "none"])
+def test_an_id_is_proved_by_its_own_siblings_only(proof: str) -> None:
+    platoon, insider = driven(), Insider(300.0)
+    own = insider.pseudonym(platoon.now)
+    third = Insider(300.0).pseudonym(platoon.now + 3 * 300.0)  # the certificate is the same
+    assert own.credential is not None
+    assert third.credential is not None
+    assert own.credential.certificate == third.credential.certificate
+    siblings = {
+        "own": own.proof,
+        "truncated": own.proof[:-1],
+        "longer": (*own.proof, bytes(12)),
+        "of another epoch": third.proof,
+        "none": (),
+    }[proof]
+    lead = car_id(platoon, "AAA1")
+    join = lcca.Join(own.car_id, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    platoon.receive("AAA1", insider.wsm(join, platoon.now, siblings))
+    platoon.settle()
+
+    followers = stack_of(platoon, "AAA1").group.followers
+    assert (own.car_id in followers) is (proof == "own")
+    assert ("unproved_id" in reasons(platoon, "AAA1")) is (proof != "own")
+
+
+def test_certificates_that_commit_to_nothing_prove_nothing() -> None:
+    platoon, insider = driven(), Insider(300.0, keys=CAROL)
+    lead, own = car_id(platoon, "AAA1"), insider.pseudonym(platoon.now).car_id
+    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    platoon.receive("AAA1", insider.wsm(join, platoon.now))
+    platoon.settle()
+
+    assert own not in stack_of(platoon, "AAA1").group.followers
+    assert reasons(platoon, "AAA1")[-1:] == ["unproved_id"]
+
+
+class Hijacked(Platoon):
+    """An insider answers every inquiry for the lead, before the lead does."""
+
+    insider: Insider | None = None
+
+    def receive(self, plate: str, *inputs: Input) -> None:
+        super().receive(plate, *inputs)
+        if plate != "AAA1" or self.insider is None:
+            return
+        for each in inputs:
+            message = message_in(each)
+            if isinstance(message, lcca.Inquiry):
+                lead = car_id(self, "AAA1")
+                answer = lcca.Answer(lead, message.sender_id, message.sequence, b"EVIL", SPEED_M_S)
+                super().receive("BBB2", self.insider.wsm(answer, self.now))
+
+
+def message_in(received: Input) -> LccaMessage | None:
+    """The LCCA message in a frame; `None` if there is none."""
+    frame = wsmp.decode(received.data) if isinstance(received, ReceivedWsm) else None
+    if frame is None or frame.psid != psid.LCCA:
+        return None
+    return lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
+
+
+def hijacked(keys: Mapping[str, Credentials], insider: Insider) -> Platoon:
+    """The insider is first to answer in a new epoch, and the lead brakes in it."""
+    platoon = Hijacked(
+        {
+            plate: car(plate, 30.0, own, UTC_S, seed)
+            for seed, (plate, own) in enumerate(keys.items())
+        }
+    )
+    platoon.drive(3.0)
+    digest = stack_of(platoon, "BBB2").digest
+    platoon.drive(digest.epoch_ends_at(UTC_S + platoon.now) - UTC_S - platoon.now - 0.5)
+    platoon.insider = insider
+    platoon.drive(3.0)
+    brakes(platoon, "AAA1")
+    platoon.drive(0.3)
+    return platoon
+
+
+def test_an_insider_who_answers_first_in_a_new_epoch_is_not_taken_for_the_lead() -> None:
+    platoon = hijacked({plate: credentials_of(plate, 30.0) for plate in PLATES}, Insider(30.0))
+
+    assert "unproved_id" in reasons(platoon, "BBB2")
+    assert "another_signer" not in reasons(platoon, "BBB2")
+    assert warned(platoon) == ["BBB2", "CCC3"]
+
+
+def test_without_an_authority_that_knows_plates_both_who_answer_for_the_lead_are_accepted() -> None:
+    platoon = hijacked({"AAA1": ALICE, "BBB2": BOB}, Insider(30.0, keys=CAROL))
+
+    assert "another_signer" in reasons(platoon, "BBB2")
+    assert warned(platoon) == ["BBB2"]
+
+
+def test_nothing_that_is_sent_links_two_pseudonyms() -> None:
+    """Certificates and proofs of two epochs have no octets of a node in common."""
+    pseudonyms = [Insider(300.0).pseudonym(300.0 * number) for number in range(3)]
+    roots = set()
+    siblings: set[bytes] = set()
+    for each in pseudonyms:
+        assert each.credential is not None
+        roots.add(each.credential.certificate.ssp(psid.LCCA))
+        assert siblings.isdisjoint(each.proof)
+        siblings.update(each.proof)
+    assert len(roots) == len(pseudonyms)
