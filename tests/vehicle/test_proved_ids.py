@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.lcca.transitions import GroupState
 from onboard.messages import lcca
@@ -186,6 +187,7 @@ class Hijacked(Platoon):
 
     insider: Insider | None = None
 
+    @override
     def receive(self, plate: str, *inputs: Input) -> None:
         super().receive(plate, *inputs)
         if plate != "AAA1" or self.insider is None:
