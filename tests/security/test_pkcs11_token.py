@@ -163,7 +163,7 @@ def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
         made = CliRunner().invoke(app, ["keys", *map(str, command)])
         assert made.exit_code == 0, made.output
     assert not list((tmp_path / "car").rglob("*.key"))
-    security = SecuritySettings(keys_folder=tmp_path / "car", token=settings)
+    security = load_settings(config, CarConfig).security
     own = key_files.read_own_credentials(security, "ABC1234", (BSM,))
     assert own is not None
     assert len(own.pseudonyms) == 2
