@@ -17,7 +17,7 @@ from onboard.errors import UserError
 from onboard.security import key_files, p256, pkcs11_token
 from onboard.security.pkcs11_token import Pkcs11Token, TokenError
 from onboard.security.security_services import SecurityServices
-from onboard.security.settings import SecuritySettings, TokenSettings
+from onboard.security.settings import TokenSettings
 from onboard.settings import load_settings
 from onboard.tools.cli import app
 from onboard.tools.doctor.computer import examine_keys
