@@ -76,6 +76,9 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     first = next(inputs, None)
     if first is None:
         raise UserError("nothing to replay: no readable CAN frame, image, fix or WSM")
+    credentials = None
+    if recording.pcap:
+        credentials = read_own_credentials(config.security, config.car.plate, config.psids)
     # No OBD requests: the recording holds the requests of the drive and their responses.
     listening = config.obd.model_copy(update={"polling_hz": None})
     stack = Stack(
@@ -84,7 +87,7 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
         np.random.default_rng(config.seed or 0),
         now=first[0],
         utc_s=first[0],
-        credentials=read_own_credentials(config.security, config.psids) if recording.pcap else None,
+        credentials=credentials,
         signals=read_signals(config.obd.broadcast),
     )
     now = first[0]
