@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.obd.braking import LEAST_M_S2, RELEASE_S, STALE_S, BrakeTrigger, Braking
 from onboard.obd.hard_brake import WINDOW_S
-from onboard.observations import BrakeCause, BrakePedal, Speed
+from onboard.observations import BrakeCause, BrakePedal, HardBrake, Speed
 
 THRESHOLD_M_S2 = 0.4 * STANDARD_GRAVITY_M_S2
 
@@ -19,7 +19,7 @@ class Car:
         self.braking = Braking(0.4)
         self.now = 0.0
         self.speed_m_s = 20.0
-        self.found = []
+        self.found: list[HardBrake] = []
 
     def drive(
         self,
@@ -142,7 +142,9 @@ def test_braking_is_over_when_the_speed_falls_silent() -> None:
     assert car.braking.get_timer() == pytest.approx(silent_at + WINDOW_S)
     car.braking.handle_timer(silent_at + WINDOW_S)
     end = car.braking.next_event()
-    assert (end.is_over, end.stamp_s) == (True, pytest.approx(silent_at + WINDOW_S))
+    assert isinstance(end, HardBrake)
+    assert end.is_over
+    assert end.stamp_s == pytest.approx(silent_at + WINDOW_S)
     assert car.braking.get_timer() == float("inf")
 
 
@@ -167,7 +169,9 @@ SIGNALS = st.fixed_dictionaries(
         st.tuples(st.floats(0.05, 2.0), st.floats(-3.0, 10.0), st.booleans(), SIGNALS), max_size=12
     )
 )
-def test_every_braking_that_begins_ends_and_changes_are_rare(phases) -> None:
+def test_every_braking_that_begins_ends_and_changes_are_rare(
+    phases: list[tuple[float, float, bool, dict[str, bool]]],
+) -> None:
     car = Car()
     for for_s, deceleration_m_s2, has_speed, signals in phases:
         car.drive(for_s, deceleration_m_s2=deceleration_m_s2, has_speed=has_speed, **signals)

@@ -5,15 +5,19 @@ from typing import Any
 
 import cantools
 import pytest
+from cantools.database import Database
 from pydantic import ValidationError
 
 from onboard.errors import UserError
 from onboard.kinematics.units import KM_H, MPH
+from onboard.obd.braking import BrakeTrigger
+from onboard.obd.broadcast import BroadcastSignals
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
-from onboard.obd.vehicle_bus import VehicleBus
+from onboard.obd.vehicle_bus import BusEvent, VehicleBus
 from onboard.observations import BrakeCause, BrakePedal, Discarded, HardBrake, Speed, TurnSignal
+from tests.typed import a, about, every
 
 DBC = """VERSION ""
 NS_ :
@@ -60,52 +64,52 @@ def settings(dbc: Path, **more: Any) -> ObdSettings:
     return ObdSettings(broadcast=BroadcastSettings(dbc=dbc, **more))
 
 
-def bus_of(settings: ObdSettings) -> VehicleBus | None:
+def bus_of(settings: ObdSettings) -> VehicleBus:
     return VehicleBus(settings, read_signals(settings.broadcast))
+
+
+def signals_of(dbc: Path, **more: Any) -> BroadcastSignals:
+    return a(BroadcastSignals, read_signals(BroadcastSettings(dbc=dbc, **more)))
 
 
 def frame(stamp_s: float, message: str, **values: float) -> CanFrame:
     """A frame encoded by cantools."""
-    database = cantools.database.load_string(DBC, "dbc")
+    database = a(Database, cantools.database.load_string(DBC, "dbc"))
     found = database.get_message_by_name(message)
-    defaults = {signal.name: 0 for signal in found.signals}
+    defaults: dict[str, float] = {signal.name: 0 for signal in found.signals}
     data = found.encode(defaults | values)
     return CanFrame(stamp_s, found.frame_id, found.is_extended_frame, data)
 
 
-def received(
-    bus: VehicleBus, *frames: CanFrame
-) -> list[BrakePedal | Discarded | HardBrake | Speed | TurnSignal]:
+def received(bus: VehicleBus, *frames: CanFrame) -> list[BusEvent]:
     for each in frames:
         bus.receive_frame(each, each.stamp_s)
-    events = []
-    while (event := bus.next_event()) is not None:
-        events.append(event)
-    return events
+    return list(iter(bus.next_event, None))
 
 
 def test_a_speed_in_si_with_its_resolution_and_name(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)) == [
-        Speed(2.0, pytest.approx(10.0), pytest.approx(0.01 * KM_H), "dbc:WHEELS.FRONT_LEFT")
+        Speed(2.0, about(10.0), about(0.01 * KM_H), "dbc:WHEELS.FRONT_LEFT")
     ]
 
 
 def test_the_speed_of_several_wheels_is_their_median(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT", "WHEELS.FRONT_RIGHT")))
-    (speed,) = received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0))
+    (speed,) = every(Speed, received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0, FRONT_RIGHT=37.0)))
     assert speed.speed_m_s == pytest.approx(36.5 * KM_H)
 
 
 def test_the_unit_is_the_dbc_files_in_any_case(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("CLUSTER.SPEED",)))
-    (speed,) = received(bus, frame(2.0, "CLUSTER", SPEED=60))
+    (speed,) = every(Speed, received(bus, frame(2.0, "CLUSTER", SPEED=60)))
     assert speed.speed_m_s == pytest.approx(60 * MPH)
 
 
 def test_the_settings_may_name_another_unit(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",), speed_unit="m/s"))
-    assert received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0))[0].speed_m_s == pytest.approx(36.0)
+    (speed,) = every(Speed, received(bus, frame(2.0, "WHEELS", FRONT_LEFT=36.0)))
+    assert speed.speed_m_s == pytest.approx(36.0)
 
 
 def test_the_turn_signals(dbc: Path) -> None:
@@ -144,9 +148,9 @@ def test_the_brake_pedal(dbc: Path) -> None:
 def test_a_trigger_is_active_by_its_signal(
     dbc: Path, names: dict[str, Any], values: dict[str, Any], cause: BrakeCause
 ) -> None:
-    signals = read_signals(BroadcastSettings(dbc=dbc, **names))
-    (on,) = signals.receive_frame(frame(2.0, "SAFETY", **values))
-    (off,) = signals.receive_frame(frame(2.1, "SAFETY", PRESSURE=5990))
+    signals = signals_of(dbc, **names)
+    (on,) = every(BrakeTrigger, signals.receive_frame(frame(2.0, "SAFETY", **values)))
+    (off,) = every(BrakeTrigger, signals.receive_frame(frame(2.1, "SAFETY", PRESSURE=5990)))
     assert (on.stamp_s, on.cause, on.is_active) == (2.0, cause, True)
     assert (off.cause, off.is_active) == (cause, False)
     assert on.source.startswith("dbc:SAFETY.")
@@ -154,26 +158,30 @@ def test_a_trigger_is_active_by_its_signal(
 
 @pytest.mark.parametrize("value", [2, 3])
 def test_error_and_not_available_of_two_bits_are_no_airbag(dbc: Path, value: int) -> None:
-    signals = read_signals(BroadcastSettings(dbc=dbc, airbag="SAFETY.AIRBAG"))
-    (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", AIRBAG=value))
+    signals = signals_of(dbc, airbag="SAFETY.AIRBAG")
+    (trigger,) = every(BrakeTrigger, signals.receive_frame(frame(2.0, "SAFETY", AIRBAG=value)))
     assert not trigger.is_active
 
 
 @pytest.mark.parametrize("name", ["stability_control", "airbag"])
 def test_a_flag_beyond_its_range_is_discarded(dbc: Path, name: str) -> None:
     bus = bus_of(settings(dbc, **{name: "SAFETY.ESC"}))
-    (discarded,) = received(bus, CanFrame(2.0, 512, is_extended_id=False, data=b"\x70\0\0\0"))
+    (discarded,) = every(
+        Discarded, received(bus, CanFrame(2.0, 512, is_extended_id=False, data=b"\x70\0\0\0"))
+    )
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
 def test_an_airbag_is_hard_braking_while_it_is_reported(dbc: Path) -> None:
     bus = bus_of(settings(dbc, airbag="SAFETY.AIRBAG"))
-    (begin,) = received(bus, *(frame(n / 10, "SAFETY", AIRBAG=1) for n in range(10, 20)))
+    (begin,) = every(
+        HardBrake, received(bus, *(frame(n / 10, "SAFETY", AIRBAG=1) for n in range(10, 20)))
+    )
     assert (begin.kind, begin.cause, begin.source) == ("hard_brake", "airbag", "dbc:SAFETY.AIRBAG")
     while (at := bus.get_timer()) < 10.0:
         bus.frames_to_send(at)
         bus.handle_timer(at)
-    (end,) = received(bus)
+    (end,) = every(HardBrake, received(bus))
     assert end.is_over
 
 
@@ -188,8 +196,8 @@ def test_brake_pressure_and_its_threshold_belong_together(dbc: Path, more: dict[
 
 def test_the_settings_may_name_another_unit_of_pressure(dbc: Path) -> None:
     named = {"brake_pressure": "SAFETY.FORCE", "brake_pressure_threshold_bar": 20.0}
-    signals = read_signals(BroadcastSettings(dbc=dbc, **named, brake_pressure_unit="MPa"))
-    (trigger,) = signals.receive_frame(frame(2.0, "SAFETY", FORCE=2))
+    signals = signals_of(dbc, **named, brake_pressure_unit="MPa")
+    (trigger,) = every(BrakeTrigger, signals.receive_frame(frame(2.0, "SAFETY", FORCE=2)))
     assert trigger.is_active
 
 
@@ -207,7 +215,9 @@ def test_11_and_29_bit_identifiers_are_distinct(dbc: Path) -> None:
 
 def test_values_beyond_the_range_are_not_available(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
+    (discarded,) = every(
+        Discarded, received(bus, CanFrame(2.0, 176, is_extended_id=False, data=b"\xff" * 8))
+    )
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
@@ -219,14 +229,18 @@ def test_without_a_range_impossible_speeds_are_discarded(
     """All ones, and as floating point: infinite, no number, too fast either way."""
     bus = bus_of(settings(dbc, speed=(f"NO_RANGES.{signal}",)))
     wheel = b"\xff\xff"
-    (discarded,) = received(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
+    (discarded,) = every(
+        Discarded, received(bus, CanFrame(2.0, 177, False, wheel + bytes.fromhex(number)))
+    )
     assert (discarded.component, discarded.reason) == ("obd", "signal_range")
 
 
 @pytest.mark.parametrize("length", [0, 1, 7])
 def test_a_frame_that_is_too_short_is_discarded(dbc: Path, length: int) -> None:
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
-    (discarded,) = received(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
+    (discarded,) = every(
+        Discarded, received(bus, CanFrame(2.0, 176, is_extended_id=False, data=bytes(length)))
+    )
     assert (discarded.component, discarded.reason) == ("obd", "signal_decoding")
 
 
@@ -234,7 +248,7 @@ def test_while_the_speed_is_broadcast_obd_is_neither_requested_nor_used(dbc: Pat
     bus = bus_of(settings(dbc, speed=("WHEELS.FRONT_LEFT",)))
     answer = CanFrame(10.1, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
     events = received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0), answer)
-    assert [event.source for event in events] == ["dbc:WHEELS.FRONT_LEFT"]
+    assert [event.source for event in every(Speed, events)] == ["dbc:WHEELS.FRONT_LEFT"]
     assert bus.frames_to_send(10.4) == []
     assert bus.get_timer() == 10.5
 
@@ -244,7 +258,7 @@ def test_obd_takes_over_when_the_broadcast_stops(dbc: Path) -> None:
     received(bus, frame(10.0, "WHEELS", FRONT_LEFT=48.0))
     assert len(bus.frames_to_send(10.5)) == 1
     answer = CanFrame(10.51, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32"))
-    assert [event.source for event in received(bus, answer)] == ["obd:7E8"]
+    assert [event.source for event in every(Speed, received(bus, answer))] == ["obd:7E8"]
 
 
 def test_wheel_speed_finds_hard_braking_within_a_fifth_of_a_second(dbc: Path) -> None:
@@ -323,17 +337,20 @@ def test_faults_in_other_declarations_do_not_matter(
     dbc: Path, names: dict[str, str | tuple[str, str]] | dict[str, str] | dict[str, tuple[str]]
 ) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
-    read_signals(BroadcastSettings(dbc=dbc, **names))
+    signals_of(dbc, **names)
 
 
 def test_a_value_is_the_same_beside_faults(dbc: Path) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     bus = bus_of(settings(dbc, speed=("NO_RANGES.FLOAT",)))
-    assert received(bus, frame(2.0, "NO_RANGES", FLOAT=36.0))[0].speed_m_s == pytest.approx(10.0)
+    (speed,) = every(Speed, received(bus, frame(2.0, "NO_RANGES", FLOAT=36.0)))
+    assert speed.speed_m_s == pytest.approx(10.0)
     bus = bus_of(settings(dbc, speed=("MULTIPLEXED.SPEED",)))
     with_speed, without = b"\1\x10\x0e\0", b"\2\x10\x0e\0"
     frames = [CanFrame(2.0, 602, is_extended_id=False, data=data) for data in (with_speed, without)]
-    assert [event.speed_m_s for event in received(bus, *frames)] == [pytest.approx(10.0)]
+    assert [event.speed_m_s for event in every(Speed, received(bus, *frames))] == [
+        pytest.approx(10.0)
+    ]
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,10 @@ from onboard.obd.can_bus import CanBus, CanBusError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
+from onboard.observations import Discarded, Speed
 from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Addresses, Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
+from tests.typed import a
 
 ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000"))
 
@@ -58,9 +60,9 @@ class Callbacks:
     def __init__(self) -> None:
         self.frames: asyncio.Queue[CanFrame] = asyncio.Queue()
         self.states: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
-        self.discarded = []
+        self.discarded: list[Discarded] = []
 
-    def bus(self, port: int, **more) -> CanBus:
+    def bus(self, port: int, **more: Any) -> CanBus:
         settings = CanSettings(interface="socketcand", channel="can0", port=port, **more)
         return CanBus(
             settings,
@@ -84,7 +86,7 @@ def soon(awaitable: Awaitable[T]) -> Coroutine[Any, Any, T]:
     return asyncio.wait_for(awaitable, timeout=10)
 
 
-def on_a_loop(scenario: Callable[..., None]) -> None:
+def on_a_loop(scenario: Callable[[], Coroutine[Any, Any, None]]) -> None:
     asyncio.run(asyncio.wait_for(scenario(), timeout=30))
 
 
@@ -270,7 +272,7 @@ def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses: Addresses) -> 
         callbacks, core = Callbacks(), VehicleBus(ObdSettings())
         bus = callbacks.bus(port)
         await open_in_thread(bus)
-        speeds = []
+        speeds: list[Speed] = []
         while len(speeds) < 5:
             for frame in core.frames_to_send(loop.time()):
                 bus.send(frame)
@@ -279,7 +281,7 @@ def test_the_speed_comes_from_the_ecu_at_the_other_end(addresses: Addresses) -> 
                 frame = await asyncio.wait_for(callbacks.frames.get(), until)
                 core.receive_frame(frame, loop.time())
             while (event := core.next_event()) is not None:
-                speeds.append(event)
+                speeds.append(a(Speed, event))
         assert {round(speed.speed_m_s * 3.6) for speed in speeds} == {50}
         bus.close()
         await server.close()

@@ -9,6 +9,7 @@ import pytest
 
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.can_log import CanLogError, read_can_log
+from onboard.observations import Discarded
 
 FRAMES = [
     CanFrame(10.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000")),
@@ -60,7 +61,7 @@ def test_one_channel_of_a_recording(tmp_path: Path) -> None:
 def test_a_frame_whose_stamp_is_no_time_is_discarded(tmp_path: Path, stamp: str) -> None:
     path = tmp_path / "odd.log"
     path.write_text(f"({stamp}) can0 100#00\n(1.2) can0 102#00\n", encoding="ascii")
-    discarded = []
+    discarded: list[Discarded] = []
     (frame,) = read_can_log(path, on_discarded=discarded.append)
     assert frame.arbitration_id == 0x102
     assert [(each.stamp_s, each.reason) for each in discarded] == [(0.0, "log_line")]
@@ -81,7 +82,7 @@ def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path: Pat
         "(1.6) can0 7E8#0341\n",
         encoding="ascii",
     )
-    discarded = []
+    discarded: list[Discarded] = []
     frames = list(read_can_log(path, on_discarded=discarded.append))
     assert [frame.stamp_s for frame in frames] == [1.0, 1.4, 1.6]
     assert [(d.stamp_s, d.reason) for d in discarded] == [
@@ -170,7 +171,7 @@ def test_lines_as_candump_prints_them(tmp_path: Path, stamps: tuple[str, str], f
         f" ({first})  can0{flags}  123   [4]  03 41\n"
         f" ({second})  can1{flags}  100   [0] \n"
     )
-    discarded = []
+    discarded: list[Discarded] = []
     frames = list(read_can_log(path, on_discarded=discarded.append))
     assert frames == [
         CanFrame(float(first), 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D32")),

@@ -37,7 +37,7 @@ def changes(
     braking = Braking(threshold_g)
     if pedal is not None:
         braking.receive_pedal(pedal, pedal.stamp_s)
-    found = []
+    found: list[HardBrake] = []
     for speed in speeds:
         braking.receive_speed(speed, speed.stamp_s)
         found += iter(braking.next_event, None)
@@ -53,7 +53,7 @@ def alarms(
     return [change for change, begins in zip(found, is_begin, strict=False) if begins]
 
 
-def ends(speeds, threshold_g=0.4):
+def ends(speeds: Iterator[Speed] | list[Speed], threshold_g: float = 0.4) -> list[HardBrake]:
     return [change for change in changes(speeds, threshold_g) if change.is_over]
 
 
@@ -95,7 +95,7 @@ def test_samples_at_2_hz_find_hard_braking_with_the_third(deceleration: float) -
 @pytest.mark.long
 @pytest.mark.parametrize("hz", [2, 10, 20, 100])
 @pytest.mark.parametrize("deceleration", [0.0, 1.0, 2.0, 3.0])
-def test_ordinary_braking_is_not_hard_braking(hz, deceleration) -> None:
+def test_ordinary_braking_is_not_hard_braking(hz: int, deceleration: float) -> None:
     assert alarms(samples(every(1 / hz, 20.0), braking(deceleration))) == []
 
 
@@ -288,6 +288,6 @@ def test_no_drive_below_three_m_s2_is_ever_hard_braking(
     stamps = np.sort(stamps + rng.uniform(0.0, 0.02, len(stamps)))[rng.random(len(stamps)) >= loss]
 
     def reported(t: float) -> float:
-        return speed[int((t // refresh_s) * refresh_s / 0.005)]
+        return float(speed[int((t // refresh_s) * refresh_s / 0.005)])
 
     assert alarms(samples(stamps.tolist(), reported)) == []

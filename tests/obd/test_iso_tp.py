@@ -14,16 +14,18 @@ from onboard.obd.n_pdu import (
     FirstFrame,
     FlowControl,
     FlowStatus,
+    NPdu,
     SingleFrame,
     decode,
     encode,
 )
+from tests.typed import a, every
 
 GO_ON = FlowControl(FlowStatus.CONTINUE_TO_SEND, 0, 0)
 VIN = bytes.fromhex("49 02 01") + b"1G1JC5444R7252367"
 
 
-def units_of(payload: bytes) -> list:
+def units_of(payload: bytes) -> list[NPdu]:
     """A long message segmented by can-isotp."""
     sent: deque[bytes] = deque()
     to_sender: deque[isotp.CanMessage] = deque()
@@ -88,7 +90,7 @@ def test_after_a_lost_frame_the_next_message_is_read() -> None:
 
 def test_a_duplicated_frame_aborts_the_message() -> None:
     first, second, third = units_of(VIN)
-    aborted, stray = receive([first, second, second, third])
+    aborted, stray = every(Aborted, receive([first, second, second, third]))
     assert aborted.reason == "n_wrong_sn"
     assert stray.reason == "unexpected_consecutive_frame"
 
@@ -109,9 +111,9 @@ def test_a_new_message_aborts_the_old_one(interrupter: FirstFrame | SingleFrame)
 
 def test_only_the_last_frame_may_be_short() -> None:
     first, second, third = units_of(VIN)
-    short = ConsecutiveFrame(1, second.data[:6])
-    assert receive([first, short])[0].reason == "consecutive_frame_length"
-    unpadded = ConsecutiveFrame(2, third.data[:7])
+    short = ConsecutiveFrame(1, a(ConsecutiveFrame, second).data[:6])
+    assert a(Aborted, receive([first, short])[0]).reason == "consecutive_frame_length"
+    unpadded = ConsecutiveFrame(2, a(ConsecutiveFrame, third).data[:7])
     assert receive([first, second, unpadded]) == [Message(VIN)]
 
 
@@ -129,12 +131,14 @@ def test_a_message_is_aborted_after_n_cr() -> None:
     assert events_of(reassembly) == [Aborted("n_timeout_cr", "after 13 of 20 bytes")]
     assert reassembly.get_timer() == math.inf
     reassembly.receive_pdu(third, 12.0)
-    assert [event.reason for event in events_of(reassembly)] == ["unexpected_consecutive_frame"]
+    assert [event.reason for event in every(Aborted, events_of(reassembly))] == [
+        "unexpected_consecutive_frame"
+    ]
 
 
 def test_n_cr_applies_without_a_served_timer() -> None:
     first, second, third = units_of(VIN)
-    timeout, *strays = receive([first, second, third], step=1.5)
+    timeout, *strays = every(Aborted, receive([first, second, third], step=1.5))
     assert timeout.reason == "n_timeout_cr"
     assert [stray.reason for stray in strays] == ["unexpected_consecutive_frame"] * 2
 

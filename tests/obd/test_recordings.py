@@ -16,8 +16,9 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.can_log import read_can_log
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
-from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import HardBrake, Speed
+from onboard.obd.vehicle_bus import BusEvent, VehicleBus
+from onboard.observations import Discarded, HardBrake, Speed
+from tests.typed import every
 
 pytestmark = pytest.mark.realdata
 
@@ -29,9 +30,9 @@ def frames_of(path: Path) -> list[CanFrame]:
     return list(read_can_log(path))
 
 
-def events_of(path: Path, settings: ObdSettings = LISTENING) -> list[Speed]:
+def events_of(path: Path, settings: ObdSettings = LISTENING) -> list[BusEvent]:
     bus = VehicleBus(settings, read_signals(settings.broadcast))
-    events = []
+    events: list[BusEvent] = []
     for frame in frames_of(path):
         bus.receive_frame(frame, frame.stamp_s)
         while (event := bus.next_event()) is not None:
@@ -47,15 +48,14 @@ def columns(path: Path, *names: str) -> list[NDArray[np.float64]]:
 
 def test_drive_a_gives_every_speed_at_its_stamp(rig_data: Path) -> None:
     stamps, km_h = columns(rig_data / "can" / "drive-a-obd-speed-kmh.csv", "t", "obd_kmh")
-    speeds = events_of(rig_data / "can" / "drive-a.log")
-    assert {type(event) for event in speeds} == {Speed}
+    speeds = every(Speed, events_of(rig_data / "can" / "drive-a.log"))
     assert [speed.stamp_s for speed in speeds] == pytest.approx(stamps.tolist(), abs=1e-6)
     assert [speed.speed_m_s / KM_H for speed in speeds] == pytest.approx(km_h.tolist())
 
 
 def test_drive_a_agrees_with_the_gnss_receiver(rig_data: Path) -> None:
     stamps, truth_m_s = columns(rig_data / "can" / "drive-a-gnss-speed-mps.csv", "t", "gnss_mps")
-    speeds = events_of(rig_data / "can" / "drive-a.log")
+    speeds = every(Speed, events_of(rig_data / "can" / "drive-a.log"))
     ours = np.interp(stamps - 0.4, [s.stamp_s for s in speeds], [s.speed_m_s for s in speeds])
     assert np.sqrt(np.mean((ours - truth_m_s) ** 2)) < 0.5
 
@@ -65,7 +65,9 @@ def test_drive_a_agrees_with_the_gnss_receiver(rig_data: Path) -> None:
     ("drive", "speeds"),
     [("drive-a", 1203), ("drive-b-requests-and-answers", 273), ("drive-c", 1090)],
 )
-def test_real_drives_have_no_false_hard_braking_and_no_error(rig_data: Path, drive, speeds) -> None:
+def test_real_drives_have_no_false_hard_braking_and_no_error(
+    rig_data: Path, drive: str, speeds: int
+) -> None:
     """The hardest braking in them is 0.23 g, by the speeds themselves."""
     kinds = Counter(type(event) for event in events_of(rig_data / "can" / f"{drive}.log"))
     assert kinds == {Speed: speeds}
@@ -108,7 +110,7 @@ def test_messages_are_those_that_can_isotp_reads(rig_data: Path, drive: str) -> 
         payloads.append(bytes(payload))
     assert len(payloads) == len(frames)  # none of these drives has a long message
     speeds = [payload[2] for payload in payloads if payload[:2] == b"\x41\x0d"]
-    ours = events_of(rig_data / "can" / f"{drive}.log")
+    ours = every(Speed, events_of(rig_data / "can" / f"{drive}.log"))
     assert [round(speed.speed_m_s / KM_H) for speed in ours] == speeds
 
 
@@ -134,7 +136,7 @@ def test_a_broadcast_speed_is_read_by_its_name(rig_data: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".trc"])
 def test_a_real_drive_gives_the_same_in_other_formats(
-    rig_data: Path, tmp_path: Path, suffix
+    rig_data: Path, tmp_path: Path, suffix: str
 ) -> None:
     source = rig_data / "can" / "drive-a.log"
     messages = [m for m in can.LogReader(source) if m.arbitration_id == 0x7E8][:2000]
@@ -143,8 +145,9 @@ def test_a_real_drive_gives_the_same_in_other_formats(
         for message in messages:
             message.channel = 1
             log.on_message_received(message)
-    written = [event.speed_m_s for event in events_of(path)]
-    assert written == [event.speed_m_s for event in events_of(source)][: len(written)]
+    written = every(Speed, events_of(path))
+    read = every(Speed, events_of(source))[: len(written)]
+    assert [each.speed_m_s for each in written] == [each.speed_m_s for each in read]
     assert len(written) > 300
 
 
@@ -154,7 +157,7 @@ def test_a_drive_with_damaged_lines_loses_only_those(rig_data: Path, tmp_path: P
     damaged = [line[:20] if n % 10 == 0 else line for n, line in enumerate(answers)]
     path = tmp_path / "damaged.log"
     path.write_text("\n".join(damaged), encoding="ascii")
-    discarded = []
+    discarded: list[Discarded] = []
     frames = list(read_can_log(path, on_discarded=discarded.append))
     assert len(discarded) == sum(n % 10 == 0 for n in range(len(answers)))
     assert len(frames) == len(answers) - len(discarded)

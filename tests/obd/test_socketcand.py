@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.obd.socketcand import ProtocolError, format_send, parse_element
+from tests.typed import a
 
 MESSAGES = st.one_of(
     st.builds(
@@ -33,7 +34,7 @@ def test_elements_are_parsed_as_by_python_can(message: can.Message, between: str
     digits = 8 if message.is_extended_id else 3
     data = between.join(f"{byte:02X}" for byte in message.data)
     element = f"< frame {message.arbitration_id:0{digits}X} 1700000000.123456 {data} >"
-    ours = parse_element(element.removesuffix(">"))
+    ours = a(can.Message, parse_element(element.removesuffix(">")))
     assert essence(ours) == essence(message)
     assert ours.timestamp == 1700000000.123456
     if not between:  # python-can takes the first blank for the end
@@ -51,7 +52,7 @@ def test_sent_elements_have_the_values_of_python_can(message: can.Message) -> No
 
 
 def test_a_frame_and_a_request_have_their_exact_text() -> None:
-    message = parse_element("< frame 7E8 23.424242 03410D32 ")
+    message = a(can.Message, parse_element("< frame 7E8 23.424242 03410D32 "))
     assert essence(message) == (0x7E8, False, bytes.fromhex("03410D32"))
     request = can.Message(arbitration_id=0x18DB33F1, data=bytes.fromhex("02010D"))
     assert format_send(request) == "< send 18DB33F1 3 02 01 0D >"

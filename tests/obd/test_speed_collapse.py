@@ -33,7 +33,7 @@ def changes(
 ) -> list[HardBrake]:
     """Every change of the braking; other sources than `used` are compared only."""
     braking = Braking(0.4)
-    found = []
+    found: list[HardBrake] = []
     for speed in sorted(speeds, key=lambda each: each.stamp_s):
         receive = braking.receive_speed if speed.source == used else braking.receive_other_speed
         receive(speed, speed.stamp_s)

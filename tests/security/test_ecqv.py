@@ -19,6 +19,7 @@ from onboard.tools.test_ca.authority import make_pseudonyms, make_root
 from tests.security import ecqv_vectors
 from tests.security.ecqv_vectors import ISSUED, VECTORS, Issued, Vector
 from tests.security.trial import BOB, BSM, ISSUING, LCCA, ROOT, UTC_S, VALID, new_key, security
+from tests.typed import a
 
 IMPLICIT = make_pseudonyms(ISSUING, 2, {BSM, LCCA}, new_key=new_key, implicit=True, **VALID)
 OWN = IMPLICIT.pseudonyms[0]
@@ -85,7 +86,8 @@ def test_the_keys_of_certificates_that_were_in_use_are_reconstructed(issued: Iss
     private = ecqv.private_key(e, _key(issued.k_u), int(issued.r, 16))
     assert p256.number(private) == int(issued.d_u, 16)
     point = certificate.subject.reconstruction_value
-    public = ecqv.public_key(point, e, p256.public_key(issuer.subject.public_key))
+    issuer_key = p256.public_key(a(bytes, issuer.subject.public_key))
+    public = ecqv.public_key(a(bytes, point), e, issuer_key)
     assert public == private.public_key()
 
 

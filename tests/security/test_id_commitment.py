@@ -1,11 +1,13 @@
 """Certificates that commit to vehicle IDs: the right ones are proved, no others."""
 
 import hashlib
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.security.credentials import Credentials
 from onboard.security.id_commitment import (
     MAX_PROOF,
     NODE_BYTES,
@@ -26,47 +28,50 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.test_ca.authority import KnownPlate, make_pseudonyms
 from tests.security.trial import BSM, ISSUING, LCCA, UTC_S, VALID, new_key
+from tests.typed import a
 
 DIGEST = PlateDigest(PlateDigestSettings(scrypt_log2_n=1))
 IDS = st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=40, unique=True)
 
 
-def _credentials(implicit=False, plate="ABC123"):
-    known = KnownPlate(plate, DIGEST)
+def _credentials(*, implicit: bool = False) -> Credentials:
+    known = KnownPlate("ABC123", DIGEST)
     return make_pseudonyms(
         ISSUING, 3, {BSM, LCCA}, new_key=new_key, implicit=implicit, plate=known, **VALID
     )
 
 
 @given(IDS)
-def test_every_id_of_a_certificate_is_proved(car_ids):
+def test_every_id_of_a_certificate_is_proved(car_ids: list[bytes]) -> None:
     leaves = [leaf(car_id) for car_id in car_ids]
-    root = root_in(ssp_of(leaves))
+    root = a(bytes, root_in(ssp_of(leaves)))
     for car_id in car_ids:
-        proof = proof_of(car_id, leaves)
+        proof = a(tuple, proof_of(car_id, leaves))
         assert len(proof) <= MAX_PROOF
         assert is_proved(car_id, proof, root)
 
 
 @given(IDS, st.binary(min_size=8, max_size=8), st.data())
-def test_no_other_id_is_proved_by_any_proof_of_these(car_ids, other, data):
+def test_no_other_id_is_proved_by_any_proof_of_these(
+    car_ids: list[bytes], other: bytes, data: st.DataObject
+) -> None:
     leaves = [leaf(car_id) for car_id in car_ids]
-    proof = proof_of(data.draw(st.sampled_from(car_ids)), leaves)
+    proof = a(tuple, proof_of(data.draw(st.sampled_from(car_ids)), leaves))
     if other not in car_ids:
         assert proof_of(other, leaves) is None
         assert not is_proved(other, proof, root_of(leaves))
 
 
-def test_a_node_is_not_an_id():
+def test_a_node_is_not_an_id() -> None:
     """The children of the root, as an ID of their own, would prove themselves without a proof."""
-    a, b = leaf(b"AAAAAAAA"), leaf(b"BBBBBBBB")
-    assert not is_proved(min(a, b) + max(a, b), (), root_of([a, b]))
+    one, two = leaf(b"AAAAAAAA"), leaf(b"BBBBBBBB")
+    assert not is_proved(min(one, two) + max(one, two), (), root_of([one, two]))
 
 
-def test_root_of_three_by_hand():
+def test_root_of_three_by_hand() -> None:
     """Independent of the module: the odd leaf moves up, children are hashed in their order."""
 
-    def cut(data):
+    def cut(data: bytes) -> bytes:
         return hashlib.sha256(data).digest()[:NODE_BYTES]
 
     one, two, three = (cut(b"\x00" + each) for each in (b"1" * 8, b"2" * 8, b"3" * 8))
@@ -77,13 +82,13 @@ def test_root_of_three_by_hand():
 
 
 @pytest.mark.parametrize("ssp", [None, b"", b"\x01", b"\x02" + bytes(12), b"\x01" + bytes(13)])
-def test_other_ssps_commit_to_nothing(ssp):
+def test_other_ssps_commit_to_nothing(ssp: bytes | None) -> None:
     assert root_in(ssp) is None
 
 
 @pytest.mark.parametrize("implicit", [False, True])
-def test_the_certificate_of_each_epoch_commits_to_its_id(implicit):
-    credentials = _credentials(implicit)
+def test_the_certificate_of_each_epoch_commits_to_its_id(*, implicit: bool) -> None:
+    credentials = _credentials(implicit=implicit)
     assert credentials.commit_to_ids
     for number in range(-5, 60):
         utc_s = UTC_S + 300.0 * number
@@ -91,21 +96,23 @@ def test_the_certificate_of_each_epoch_commits_to_its_id(implicit):
         car_id = DIGEST.car_id("ABC123", utc_s)
         proved = [
             is_proved(
-                car_id, proof_of(car_id, own.committed) or (), root_in(own.certificate.ssp(LCCA))
+                car_id,
+                proof_of(car_id, own.committed) or (),
+                a(bytes, root_in(own.certificate.ssp(LCCA))),
             )
             for own in credentials.pseudonyms
         ]
         assert proved == [at == epoch % 3 for at in range(3)]
 
 
-def test_no_certificate_has_an_id_of_another():
+def test_no_certificate_has_an_id_of_another() -> None:
     """Else its siblings would link the pseudonyms of one vehicle."""
     committed = [set(own.committed) for own in _credentials().pseudonyms]
     assert all(committed)
     assert sum(map(len, committed)) == len(set().union(*committed))
 
 
-def test_they_are_kept_beside_the_keys(tmp_path):
+def test_they_are_kept_beside_the_keys(tmp_path: Path) -> None:
     credentials = _credentials()
     write_credentials(tmp_path / "car", credentials)
     read = read_credentials(tmp_path / "car", {BSM, LCCA})
@@ -144,7 +151,7 @@ def test_a_missing_file_of_ids_is_an_error(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * NODE_BYTES, b"x" * (NODE_BYTES + 1)])
-def test_ids_of_another_certificate_are_an_error(tmp_path, content):
+def test_ids_of_another_certificate_are_an_error(tmp_path: Path, content: bytes) -> None:
     write_credentials(tmp_path / "car", _credentials())
     file = tmp_path / "car" / "pseudonyms" / "001.ids"
     file.write_bytes(content)

@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 
 from onboard.messages import bsm
 from onboard.security import ieee1609dot2, its_time
+from onboard.security.ieee1609dot2 import SignedData
 from onboard.security.security_services import NotTrusted, SecurityServices
 from tests.security.trial import ALICE, BSM, UTC_S, reread, security
+from tests.typed import a
 
 OWN = ALICE.pseudonyms[0].certificate
 
@@ -140,7 +142,7 @@ def test_signed_data_of_another_implementation_are_decoded(
     oracle: Any,
     payload: bytes,
     header: Any,
-    signature: tuple[tuple[str, bytes], bytes] | tuple[tuple[str, dict[str, bytes]], bytes],
+    signature: tuple[tuple[str, Any], bytes],
     digest: bytes,
 ) -> None:
     r, s = signature
@@ -162,7 +164,7 @@ def test_signed_data_of_another_implementation_are_decoded(
             ),
         }
     )
-    read = ieee1609dot2.decode(oracle.Ieee1609Dot2Data.to_coer())
+    read = a(SignedData, ieee1609dot2.decode(oracle.Ieee1609Dot2Data.to_coer()))
     oracle.ToBeSignedData.set_val(to_be_signed)
     x = r[1]["x"] if r[0] == "uncompressedP256" else r[1]
     assert read.payload == payload
@@ -194,13 +196,13 @@ def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(
 ) -> None:
     assert len(real_data) == 18
     for data, expected in real_data:
-        signed = ieee1609dot2.decode(data)
+        signed = a(SignedData, ieee1609dot2.decode(data))
         value = reread(oracle.Ieee1609Dot2Data, data)
         header = value["content"][1]["tbsData"]["headerInfo"]
         assert (signed.psid, signed.generation_time64) == (32, header["generationTime"])
         core = bsm.decode(signed.payload).core
         assert (core.msg_cnt, core.temporary_id.hex()) == (expected["msgCnt"], expected["id"])
-        seconds = (signed.generation_utc_s - core.sec_mark_s) % 60
+        seconds = (a(float, signed.generation_utc_s) - a(float, core.sec_mark_s)) % 60
         assert seconds < 0.5, "made when the BSM says, half a second earlier at most"
 
 
@@ -208,7 +210,7 @@ def test_eighteen_signed_messages_of_a_real_unit_are_decoded_down_to_the_bsm(
 def test_its_certificate_has_the_hashed_id8_of_the_other_messages(
     real_data: list[tuple[bytes, dict[str, int | str]]],
 ) -> None:
-    signers = [ieee1609dot2.decode(data).signer for data, _ in real_data]
+    signers = [a(SignedData, ieee1609dot2.decode(data)).signer for data, _ in real_data]
     digests = {signer for signer in signers if isinstance(signer, bytes)}
     certificates = {signer[0].hashed_id8 for signer in signers if not isinstance(signer, bytes)}
     assert len(certificates) == 1
@@ -222,7 +224,7 @@ def test_all_of_them_are_refused_because_their_issuer_is_unknown(
     bob = SecurityServices(0.0, ALICE)
     refusals = set()
     for data, _ in real_data:
-        now = ieee1609dot2.decode(data).generation_utc_s
+        now = a(float, a(SignedData, ieee1609dot2.decode(data)).generation_utc_s)
         with pytest.raises(NotTrusted) as refusal:
             bob.open(data, BSM, now)
         refusals.add(str(refusal.value))

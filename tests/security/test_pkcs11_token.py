@@ -101,7 +101,8 @@ def test_a_key_that_the_token_does_not_have_is_named(token: Pkcs11Token) -> None
 def test_a_token_that_fails_later_is_named(
     token: Pkcs11Token, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pkcs11 = pkcs11_token.pkcs11
+    import pkcs11
+
     key = token.new_key()
     wanted = {pkcs11.Attribute.CLASS: pkcs11.ObjectClass.PRIVATE_KEY}
     for private in list(token._session.get_objects(wanted)):

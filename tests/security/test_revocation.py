@@ -38,6 +38,7 @@ from onboard.tools.test_ca import authority
 from onboard.tools.test_ca.authority import make_crl, make_issuing, make_pseudonyms
 from onboard.wave_udp.psid import CRL
 from tests.security.trial import ALICE, BOB, BSM, CAROL, ISSUING, ROOT, UTC_S, VALID, new_key
+from tests.typed import a
 
 ORACLE = asn1tools.compile_files(str(Path(__file__).with_name("crl_oracle.asn1")), "oer")
 LIST: dict[str, Any] = {"serial": 1, "issued_utc_s": UTC_S - 60.0, "valid_for_s": 86_400.0}
@@ -368,7 +369,7 @@ contents = st.builds(
 )
 
 
-def _of_oracle(contents: CrlContents) -> None:
+def _of_oracle(contents: CrlContents) -> dict[str, Any]:
     """Return the value of the oracle's `Contents`."""
     body = contents.body
     if isinstance(body, HashIdCrl):
@@ -378,7 +379,8 @@ def _of_oracle(contents: CrlContents) -> None:
         ]
         choice = ("fullHash", {"serial": body.serial, "entries": entries})
     else:
-        individual, groups = [], []
+        individual: list[dict[str, Any]] = []
+        groups: list[dict[str, Any]] = []
         for entry in body.entries:
             one, two = entry.seeds
             if entry.j_max is None:
@@ -430,14 +432,14 @@ def test_priorities_and_lists_of_several_in_a_group_are_read() -> None:
     pairs = [{"seed1": bytes((n,)) * 16, "seed2": bytes((n + 1,)) * 16} for n in (1, 3)]
     periods = [{"iMax": i_max, "contents": pairs} for i_max in (5, 6)]
     group = {"la1": LA_1, "la2": LA_2, "contents": periods}
-    kind, body = value["body"]
-    value["body"] = kind, body | {"individual": [{"jMax": 9, "contents": [group, group]}]}
+    kind, empty = value["body"]
+    value["body"] = kind, empty | {"individual": [{"jMax": 9, "contents": [group, group]}]}
     value["priority"] = {"value": 4}
-    read = decode_crl(ORACLE.encode("Contents", value))
-    assert [(entry.i_max, entry.j_max) for entry in read.body.entries] == [
+    body = a(LinkageCrl, decode_crl(ORACLE.encode("Contents", value)).body)
+    assert [(entry.i_max, entry.j_max) for entry in body.entries] == [
         (5, 9), (5, 9), (6, 9), (6, 9)
     ] * 2  # fmt: skip
-    first, second = read.body.entries[1].seeds
+    first, second = body.entries[1].seeds
     assert (first, second) == (
         LinkageSeed(LA_1, bytes((3,)) * 16),
         LinkageSeed(LA_2, bytes((4,)) * 16),

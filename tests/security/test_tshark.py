@@ -17,6 +17,7 @@ from onboard.wave_udp import wsmp
 from onboard.wave_udp.capture import PcapWriter
 from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.security.trial import ALICE, BSM, ISSUING, UTC_S, security
+from tests.typed import a
 
 FRAME = bsm.encode(BasicSafetyMessage(CoreData(5, b"abcd"), footer=bytes(200)))
 
@@ -93,7 +94,7 @@ def test_the_signer_is_the_certificate_or_its_digest(packets: Any) -> None:
     first, second = packets[:2]
     issuer = octets(values(first, "ieee1609dot2.sha256AndDigest")[0])
     assert issuer == ISSUING.credential.certificate.hashed_id8
-    key = own.subject.public_key
+    key = a(bytes, own.subject.public_key)
     form = "compressed_y_0" if key[0] == 2 else "compressed_y_1"
     assert octets(values(first, f"ieee1609dot2.{form}")[0]) == key[1:]
     assert [int(psid) for psid in values(first, "ieee1609dot2.psid")] == [
