@@ -97,12 +97,12 @@ class AlarmClaims:
         self.credibility.receive_sensed(sensed, now)
         return [each for each in objects if self._may_alarm(each, now)]
 
-    def permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
-        """Whether an assessment may raise an alarm, or keep it on."""
+    def admit(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        """Take an assessment; return whether it may raise an alarm, or keep it on."""
         slows_traffic = row_of(cause).slows_traffic or not self._has_sight
         for name in dict.fromkeys(reason.name for reason in assessment.reasons):
             signers = self._claimants(name)
-            if signers and not self.credibility.permits(
+            if signers and not self.credibility.admit(
                 cause, name, signers, now, slows_traffic=slows_traffic
             ):
                 return False

@@ -113,7 +113,7 @@ class SignerCredibility(Core):
             name == vehicle and claim.lasts(now) for (_, name), claim in self._claims.items()
         )
 
-    def permits(
+    def admit(
         self,
         alarm: str,
         vehicle: str,
@@ -122,9 +122,9 @@ class SignerCredibility(Core):
         *,
         slows_traffic: bool,
     ) -> bool:
-        """Whether a claim may raise an alarm, or keep it on; who is not ignored pays for it.
+        """Take a claim; return whether it may raise an alarm, or keep it on.
 
-        To be asked at 10 Hz while the claim calls for the alarm.
+        Who is not ignored pays for it. To be called at 10 Hz while the claim calls for the alarm.
 
         Args:
             alarm: its cause.

@@ -30,8 +30,9 @@ from onboard.sensors.host_state import HostState
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
-Permits = Callable[[Cause, Assessment, float], bool]
-"""Whether the observations behind an assessment may raise an alarm of this cause now."""
+Admit = Callable[[Cause, Assessment, float], bool]
+"""Takes an assessment that calls for an alarm of this cause now; returns whether the observations
+behind it may raise one."""
 
 
 class _Kind(NamedTuple):
@@ -50,7 +51,7 @@ class RiskMonitor(Core):
         settings: RiskSettings,
         length_m: float,
         width_m: float,
-        permits: Permits = lambda _cause, _assessment, _now: True,
+        admit: Admit = lambda _cause, _assessment, _now: True,
         host: HostState | None = None,
     ) -> None:
         """Start without alarms.
@@ -59,12 +60,12 @@ class RiskMonitor(Core):
             settings: the thresholds.
             length_m: of the host vehicle.
             width_m: of the host vehicle.
-            permits: asked at each assessment that calls for an alarm.
+            admit: called at each assessment that calls for an alarm.
             host: the host vehicle by its sensors, filled by the caller; one of its own if not
                 given.
         """
         self.host = HostState() if host is None else host
-        self._permits = permits
+        self._admit = admit
         self._reaction_s: float | None = None
         self._bsm_data = BsmDataStore()
         self._path = PathAhead()
@@ -169,13 +170,14 @@ class RiskMonitor(Core):
             else:
                 assessments.append(each)
         assessments.sort(key=attrgetter("urgency"), reverse=True)
-        permitted = (each for each in assessments if self._is_permitted(kind.cause, each, now))
-        kept = kind.alarms.kept(permitted)
+        admitted = (
+            each
+            for each in assessments
+            if each.level is Level.NONE or self._admit(kind.cause, each, now)
+        )
+        kept = kind.alarms.kept(admitted)
         self._assessments[kind.cause] = kept
         self._events.extend(kind.alarms.receive_assessments(kept, now))
-
-    def _is_permitted(self, cause: Cause, assessment: Assessment, now: float) -> bool:
-        return assessment.level is Level.NONE or self._permits(cause, assessment, now)
 
 
 def _is_other(each: PerceivedObject, own: PerceivedObject) -> bool:

@@ -18,9 +18,9 @@ class OneAlarm:
         """Start without an alarm; `cause` is that of all alarms."""
         self._hysteresis = Hysteresis(cause, RELEASE_S)
 
-    def kept(self, permitted: Iterable[Assessment]) -> list[Assessment]:
+    def kept(self, admitted: Iterable[Assessment]) -> list[Assessment]:
         """Return the first of the assessments, `NOTHING` without any; no other is drawn."""
-        return [next(iter(permitted), NOTHING)]
+        return [next(iter(admitted), NOTHING)]
 
     def receive_assessments(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
         """Take what `kept` has returned; yields the alarm if its level changes."""
@@ -39,9 +39,9 @@ class VehicleAlarms:
         self._of: dict[str, Hysteresis] = {}
         """By name of the vehicle; those without an alarm are dropped."""
 
-    def kept(self, permitted: Iterable[Assessment]) -> list[Assessment]:
+    def kept(self, admitted: Iterable[Assessment]) -> list[Assessment]:
         """Return all assessments."""
-        return list(permitted)
+        return list(admitted)
 
     def receive_assessments(self, kept: Iterable[Assessment], now: float) -> Iterator[Alarm]:
         """Take the assessments of all vehicles, at most one of each; vehicles without one are safe.

@@ -9,7 +9,7 @@ from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.kinematics.heading import Heading
 from onboard.risk.expected_stop import RedLight, no_red_light
-from onboard.risk.monitor import Permits, RiskMonitor
+from onboard.risk.monitor import Admit, RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
 from onboard.step import Observation
@@ -27,7 +27,7 @@ class RiskResponse:
         host: HostState,
         *,
         brake_request: BrakeRequestSettings | None = None,
-        permits: Permits = lambda _cause, _assessment, _now: True,
+        admit: Admit = lambda _cause, _assessment, _now: True,
     ) -> None:
         """Start without alarms.
 
@@ -36,9 +36,9 @@ class RiskResponse:
             size_m: length and width of the vehicle.
             host: the vehicle by its sensors, filled by the caller.
             brake_request: when to request braking; `None` for never.
-            permits: asked at each assessment that calls for an alarm.
+            admit: called at each assessment that calls for an alarm.
         """
-        self.monitor = RiskMonitor(settings, *size_m, permits, host)
+        self.monitor = RiskMonitor(settings, *size_m, admit, host)
         self.brake_requester: BrakeRequester | None = None
         self._sensed_monitor: RiskMonitor | None = None
         """Of what own sensors alone show, for requests to brake; its alarms are not put out."""

@@ -143,7 +143,7 @@ class Vehicle(Core):
             size_m,
             self.host,
             brake_request=config.brake_request,
-            permits=self._permits,
+            admit=self._admit,
         )
         self._take_reaction_time()
         self._assess_at = self._report_surroundings_at = now
@@ -384,8 +384,8 @@ class Vehicle(Core):
             if host_vehicle is not None:
                 self._events.extend([host_vehicle, *self._surroundings[1]])
 
-    def _permits(self, cause: Cause, assessment: Assessment, now: float) -> bool:
-        return self._claims is None or self._claims.permits(cause, assessment, now)
+    def _admit(self, cause: Cause, assessment: Assessment, now: float) -> bool:
+        return self._claims is None or self._claims.admit(cause, assessment, now)
 
     def _take_access(self, now: float) -> None:
         access = self._access

@@ -7,14 +7,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
+CHANGING = frozenset({
+    "add", "append", "appendleft", "clear", "discard", "extend", "move_to_end", "pop", "popitem",
+    "popleft", "put", "put_out", "remove", "setdefault", "update",
+})  # fmt: skip
+"""Methods that change what they belong to."""
 
 
 class Function(NamedTuple):
     """One function or method."""
 
     name: str
-    assigns: bool
-    """Whether it assigns to an attribute or an element."""
+    changes: bool
+    """Whether it changes the object that it is a method of, or an element of anything."""
 
 
 class Syntax(NamedTuple):
@@ -43,7 +48,7 @@ def syntax_of(path: Path) -> Syntax:
         imports=tuple(module for node in nodes for module in _imported(node)),
         classes=tuple(node.name for node in tree.body if isinstance(node, ast.ClassDef)),
         functions=tuple(
-            Function(node.name, any(map(_assigns, ast.walk(node))))
+            Function(node.name, any(map(_changes, ast.walk(node))))
             for node in nodes
             if isinstance(node, ast.FunctionDef)
         ),
@@ -61,10 +66,22 @@ def _imported(node: ast.AST) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def _assigns(node: ast.AST) -> bool:
+def _changes(node: ast.AST) -> bool:
     if isinstance(node, ast.Attribute | ast.Subscript):
         return isinstance(node.ctx, ast.Store | ast.Del)
-    return False
+    return (
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and node.func.attr in CHANGING
+        and _is_own(node.func.value)
+    )
+
+
+def _is_own(node: ast.expr) -> bool:
+    """Whether it is an attribute of the object that a method belongs to, or of what it has."""
+    while isinstance(node, ast.Attribute | ast.Subscript):
+        node = node.value
+    return isinstance(node, ast.Name) and node.id == "self"
 
 
 def _named(node: ast.AST) -> Iterator[str]:

@@ -24,14 +24,14 @@ class Host:
     def claim(
         self, name: str, *signers: bytes, for_s: float = 0.1, slows_traffic: bool = False
     ) -> int:
-        """Return at how many of the assessments the alarm is permitted."""
-        permitted = 0
+        """Return at how many of the assessments the alarm is admitted."""
+        admitted = 0
         for _ in range(round(for_s / 0.1)):
             self.now += 0.1
-            permitted += self.credibility.permits(
+            admitted += self.credibility.admit(
                 "ima", name, signers or (LIAR,), self.now, slows_traffic=slows_traffic
             )
-        return permitted
+        return admitted
 
     def pause(self, duration_s: float) -> None:
         self.now += duration_s
@@ -51,9 +51,9 @@ def test_the_fourth_unconfirmed_alarm_is_refused_for_an_hour() -> None:
 
 def test_a_road_side_unit_that_lies_is_ignored_later() -> None:
     host = Host()
-    permitted = [host.claim(str(number), UNIT) for number in range(MOST_ALARMS_OF_UNIT + 3)]
-    assert sum(permitted) == MOST_ALARMS_OF_UNIT
-    assert permitted[-3:] == [0, 0, 0]
+    admitted = [host.claim(str(number), UNIT) for number in range(MOST_ALARMS_OF_UNIT + 3)]
+    assert sum(admitted) == MOST_ALARMS_OF_UNIT
+    assert admitted[-3:] == [0, 0, 0]
 
 
 def test_charges_decay() -> None:

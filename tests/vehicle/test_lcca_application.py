@@ -173,7 +173,7 @@ def test_who_signs_a_warning_is_charged_not_whose_id_it_bears(pair: Pair) -> Non
         reason = AlarmReason(warning.kind, warning.origin_id.hex(), 0.0)
         assessment = Assessment(Level.WARNING, 6.0, (reason,))
         for at in (0.0, 1.0):
-            assert behind.claims.permits(LCCA, assessment, pair.now + at)
+            assert behind.claims.admit(LCCA, assessment, pair.now + at)
         pair.now += CLAIM_S + 1.0
 
     for signer, is_ignored in ((b"signer 9", True), (SIGNERS[AHEAD], False)):
