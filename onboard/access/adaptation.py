@@ -30,11 +30,11 @@ SAFE_BELOW = 0.4
 """Crash probability below which it is safe again; the hysteresis covers the noise of the gap."""
 UNSAFE_INTERVAL_S = MINIMUM_INTERVAL_S
 """Longest BSM interval of an unsafe vehicle: the shortest that SAE J2945/1 allows."""
-HOLD_S = 1.0
+LEAD_VALID_S = 1.0
 """Validity of the last measurement of the lead; without a lead the vehicle is safe."""
 DECELERATION_M_S2 = 4.0, 8.0
 """Limits of the uniform distribution of both vehicles' decelerations (Table III)."""
-MINIMUM_SPEED_M_S = 1.0
+CREEPING_M_S = 1.0
 """Below this speed the crash probability is 0: a vehicle that creeps can stop at once."""
 MINIMUM_HEADWAY_GAP_M = 1.0
 """Gaps below this count as this in the headway, whose logarithm would diverge."""
@@ -114,7 +114,7 @@ class AccessAdaptation(Core):
         self._reactions.receive_lead(lead, speed)
         if lead.gap_m is None or speed is None:
             return
-        self._lead_expires_at = now + HOLD_S
+        self._lead_expires_at = now + LEAD_VALID_S
         self._update(lead.stamp_s, self._crash_probability(lead, lead.gap_m, speed.speed_m_s))
 
     def receive_brake_pedal(self, pedal: BrakePedal) -> None:
@@ -143,7 +143,7 @@ class AccessAdaptation(Core):
         return self._events.popleft() if self._events else None
 
     def _crash_probability(self, lead: Lead, gap_m: float, speed_m_s: float) -> float:
-        if speed_m_s < MINIMUM_SPEED_M_S:
+        if speed_m_s < CREEPING_M_S:
             return 0.0
         closing_m_s = lead.closing_speed_m_s or 0.0
         gap_m = max(gap_m, 0.0)

@@ -16,7 +16,7 @@ CLOSING_M_S = 1.5
 """Closing speed above which, after `SIGMAS` standard deviations, the lead brakes."""
 SIGMAS = 2.0
 """Standard deviations that are subtracted from a closing speed."""
-MINIMUM_SPEED_M_S = 5.0
+QUEUE_SPEED_M_S = 5.0
 """Slower, drivers in a queue brake before the lead does."""
 MAXIMUM_AGE_S = 1.0
 """Older observations belong to another situation."""
@@ -95,7 +95,7 @@ class ReactionObserver:
             return
         if certain_s - min(steady.stamp_s, speed.stamp_s) > MAXIMUM_AGE_S or steady.gap_m is None:
             return
-        if speed.speed_m_s >= MINIMUM_SPEED_M_S:
+        if speed.speed_m_s >= QUEUE_SPEED_M_S:
             self._pending = steady.stamp_s, steady.gap_m / speed.speed_m_s
 
     def _end(self, stamp_s: float) -> Reaction | None:

@@ -21,6 +21,7 @@ from typing import ClassVar
 from typing_extensions import override
 
 from onboard.core import Core
+from onboard.risk.alarm import RELEASE_S
 
 MOST_ALARMS = 3
 """Alarms of one signer that nothing confirms, before it is ignored."""
@@ -32,8 +33,6 @@ HALF_LIFE_S = 7200.0
 CLAIM_S = 10.0
 """Time for which an alarm is paid for, and in which it is confirmed: dangers that an alarm tells of
 are seconds away."""
-RELEASE_S = 1.0
-"""A claim that did not call for an alarm for this long is a new one: alarms end after it."""
 SLOWED_M_S = 2.0
 """By which the traffic ahead slows down if a braking ahead is real: half a second of 0.4 g."""
 EARLIER_S = 2.0
@@ -83,7 +82,7 @@ class _Claim:
     """Of the traffic ahead, since shortly before the alarm."""
 
     def lasts(self, now: float) -> bool:
-        """Whether its alarm is paid for and on."""
+        """Whether its alarm is paid for and on: alarms end after `RELEASE_S`."""
         return now < self.ends_at and now - self.asked_at <= RELEASE_S
 
 

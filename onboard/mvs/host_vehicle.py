@@ -16,10 +16,10 @@ MAX_ORIGIN_DISTANCE_M = 5000.0
 """Farther from its origin, the frame is moved: `LocalFrame` is right to 1 cm up to here."""
 POSITION_TIMEOUT_S = 1.5
 """Time for which a fix is predicted at its speed before the position counts as missing."""
-SPEED_SIGMA_M_S = 0.5
+REPORTED_SPEED_SIGMA_M_S = 0.5
 """Error of the reported velocity of a vehicle, on either axis."""
-UNKNOWN_SPEED_SIGMA_M_S = 30.0
-"""Velocity of a vehicle that reports none."""
+UNREPORTED_SPEED_SIGMA_M_S = 30.0
+"""The same of a vehicle that reports none."""
 ACCELERATION_M_S2 = 3.0
 """Acceleration of the host vehicle between two fixes; hard braking is twice this."""
 FIXES_WINDOW_S = 0.8
@@ -96,14 +96,14 @@ class HostVehicle:
         state[:2] = self.frame.position_m(fix.latitude_deg, fix.longitude_deg)
         covariance[0, 0] = covariance[1, 1] = fix.sigma_m**2
         if fix.speed_m_s is None or (fix.course_rad is None and fix.speed_m_s > 1.0):
-            covariance[2, 2] = covariance[3, 3] = UNKNOWN_SPEED_SIGMA_M_S**2
+            covariance[2, 2] = covariance[3, 3] = UNREPORTED_SPEED_SIGMA_M_S**2
         else:
             course_rad = fix.course_rad or 0.0
             state[2:] = (
                 fix.speed_m_s * math.sin(course_rad),
                 fix.speed_m_s * math.cos(course_rad),
             )
-            covariance[2, 2] = covariance[3, 3] = SPEED_SIGMA_M_S**2
+            covariance[2, 2] = covariance[3, 3] = REPORTED_SPEED_SIGMA_M_S**2
         return ReportedState(fix.stamp_s, state, covariance)
 
     def standing_at(self, place: LocalFrame, now: float) -> ReportedState:
@@ -179,5 +179,5 @@ class HostVehicle:
         own_variance += (ACCELERATION_CHANGE_M_S2 * since_fix_s) ** 2
         variance = detection.range_rate_sigma_m_s**2 + own_variance
         across = np.eye(2) - np.outer(along, along)
-        covariance = variance * np.outer(along, along) + UNKNOWN_SPEED_SIGMA_M_S**2 * across
+        covariance = variance * np.outer(along, along) + UNREPORTED_SPEED_SIGMA_M_S**2 * across
         return (detection.range_rate_m_s + own) * along, covariance

@@ -16,8 +16,8 @@ from onboard.risk.required_deceleration import (
 )
 from onboard.risk.settings import FcwSettings, RiskSettings
 from onboard.risk.situation import Situation
+from onboard.risk.vehicle_motion import SETTLED_SIGMA_M_S
 from onboard.risk.vehicles_ahead import (
-    SETTLED_SIGMA_M_S,
     CameraLead,
     ObjectsAhead,
     VehicleAhead,

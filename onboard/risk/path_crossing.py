@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.kinematics.arrays import Array
+from onboard.risk.vehicle_motion import SETTLED_SIGMA_M_S
 from onboard.tracking.perceived_object import PerceivedObject
 
 CROSSING_RANGE_M = 120.0
@@ -17,9 +18,6 @@ MIN_SPEED_M_S = 0.3
 """A slower vehicle has no course."""
 MAX_COURSE_SIGMA_RAD = 0.35
 """A vehicle with a less certain course is not assessed: it was just detected, its speed settles."""
-SETTLED_SIGMA_M_S = 1.5
-"""Largest sigma of a settled velocity on any axis. Above it, two vehicles may have been taken for a
-fast one."""
 SETTLED_AFTER_S = 1.0
 """After this time of tracking a velocity counts as settled in any case: what is left of its sigma
 is mostly the error of the host's position, which all images share."""

@@ -6,6 +6,9 @@ from onboard.kinematics.acceleration import AccelerationEstimator
 
 TREND_WINDOW_S = 0.8
 """Window over which the acceleration of a vehicle is estimated that does not report it."""
+SETTLED_SIGMA_M_S = 1.5
+"""Largest sigma of a velocity, or closing speed, that has settled. Above it, two vehicles may have
+been taken for a fast one, and a speed that settles looks like braking."""
 _DIGITS = 3
 """Of times of measurements in s, so that the same one is recognised."""
 

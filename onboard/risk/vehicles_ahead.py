@@ -13,6 +13,7 @@ from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
 from onboard.observations import NEW_LEAD_M, Lead, Speed
 from onboard.risk.alarm import AlarmReason
 from onboard.risk.situation import Situation
+from onboard.risk.vehicle_motion import SETTLED_SIGMA_M_S
 from onboard.sensors.host_state import BRAKING_WINDOW_S
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
@@ -22,9 +23,6 @@ OBJECT_WINDOW_S = 0.35
 """The same for perceived objects, whose speeds are filtered: four speeds, ten a second."""
 LEAD_DEADBAND_M_S2 = 1.5
 """Estimated decelerations of the lead below this may be noise, and count as none."""
-SETTLED_SIGMA_M_S = 1.5
-"""Largest sigma of the closing speed of a vehicle that has been in view for a while. Above it, the
-deceleration is not estimated: a speed that settles looks like braking."""
 YOUNG_S = 1.0
 """A vehicle that others have told of for less time is not assessed: on busy computers, measurements
 with late stamps make a second track of a vehicle, whose speed is wrong by many sigmas."""

@@ -19,8 +19,8 @@ from onboard.tracking.evidence_store import EvidenceBatch
 from onboard.tracking.gates import GATE_PROBABILITY, distances, gate, gates, with_speed_prior
 from onboard.tracking.track import Track
 
-SPEED_SIGMA_M_S = 20.0
-"""Prior speed of a vehicle on either axis, where nothing else is known of its speed."""
+PRIOR_SPEED_SIGMA_M_S = 20.0
+"""Of a vehicle on either axis, where nothing else is known of its speed."""
 
 CERTAIN_M = 0.75
 """Evidence and a track whose positions together are less certain than this (root of the summed
@@ -126,7 +126,7 @@ class UnassociatedEvidence:
         """
         entries, self._provenances = batch.entries, batch.provenances
         started = entries.with_unknown_speed(UNKNOWN_SPEED_SIGMA_M_S)
-        started = with_speed_prior(started, SPEED_SIGMA_M_S)
+        started = with_speed_prior(started, PRIOR_SPEED_SIGMA_M_S)
         self._vehicles = StateArrays.concatenate([vehicles, started])
         self._tracks: list[Track | None] = [*tracks, *[None] * len(batch)]
         self._exists = np.arange(len(self._vehicles)) < len(tracks)

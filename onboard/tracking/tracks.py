@@ -18,7 +18,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.association import (
     OVERLAP_M,
-    SPEED_SIGMA_M_S,
+    PRIOR_SPEED_SIGMA_M_S,
     UnassociatedEvidence,
     compare,
 )
@@ -341,7 +341,7 @@ class Tracks:
         """The estimates of all tracks with a speed prior, as evidence is compared with them."""
         if self._cached_states is None:
             estimates = as_arrays([track.estimate for track in self._tracks])
-            self._cached_states = with_speed_prior(estimates, SPEED_SIGMA_M_S)
+            self._cached_states = with_speed_prior(estimates, PRIOR_SPEED_SIGMA_M_S)
         return self._cached_states
 
     def _compact_store(self) -> None:

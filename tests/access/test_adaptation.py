@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.access.adaptation import (
-    HOLD_S,
+    LEAD_VALID_S,
     LEAST_REACTIONS,
     REACTION_HEADWAY_S,
     SAFE_BELOW,
@@ -123,7 +123,7 @@ def test_a_lost_lead_is_safe_after_the_hold_time() -> None:
     core.next_event()
     follow(core, None, now=5.5)
 
-    assert core.get_timer() == 5.0 + HOLD_S
+    assert core.get_timer() == 5.0 + LEAD_VALID_S
     core.handle_timer(5.9)
     assert core.is_unsafe
     core.handle_timer(6.0)

@@ -5,10 +5,10 @@ from onboard.misbehaviour.signer_credibility import (
     HALF_LIFE_S,
     MOST_ALARMS,
     MOST_ALARMS_OF_UNIT,
-    RELEASE_S,
     SLOWED_M_S,
     SignerCredibility,
 )
+from onboard.risk.alarm import RELEASE_S
 
 LIAR, OTHER, UNIT = b"liar....", b"other...", b"unit...."
 HOUR_S = 3600.0

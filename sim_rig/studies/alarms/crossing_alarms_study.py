@@ -21,7 +21,7 @@ from onboard.kinematics.units import KM_H
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
-from onboard.mvs.host_vehicle import SPEED_SIGMA_M_S
+from onboard.mvs.host_vehicle import REPORTED_SPEED_SIGMA_M_S
 from onboard.observations import Speed, TurnSignal
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.settings import RiskSettings
@@ -243,7 +243,7 @@ def _perceived_object(
     velocity_m_s = speed_m_s * np.array([np.cos(course_rad), np.sin(course_rad)]) + noise[2:]
     position_m = meeting.position_m[fix, car] + bias_m + noise[:2] + age_s * velocity_m_s
     sigma_m = math.hypot(receivers.bias_sigma_m, receivers.noise_sigma_m)
-    variances = np.repeat([sigma_m**2, SPEED_SIGMA_M_S**2], 2)
+    variances = np.repeat([sigma_m**2, REPORTED_SPEED_SIGMA_M_S**2], 2)
     reported = meeting.acceleration_m_s2[_before(tick, BSM_AGE_S), car]
     return PerceivedObject(
         stamp_s=now,
