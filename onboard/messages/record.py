@@ -122,7 +122,7 @@ class Record(Field, Generic[RecordT]):
         return self.as_dict(value)
 
     def table(self, first: int = 0, end: int | None = None) -> str:
-        """Return the declaration as a Markdown table for the documentation.
+        """Return the declaration in columns for the documentation, indented as Markdown's code is.
 
         Consecutive fields of the same declaration share a row.
 
@@ -137,8 +137,8 @@ class Record(Field, Generic[RecordT]):
                 rows[-1] = (f"{rows[-1][0]}, {name}", *rows[-1][1:])
             else:
                 rows.append((name, bits, _content(field)))
-        lines = ["| field | bits each | content |", "|---|---|---|"]
-        return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+        lines = [("field", "bits each", "content"), *rows]
+        return "\n".join(f"    {name:<26}  {bits:<9}  {content}" for name, bits, content in lines)
 
     @override
     def row(self) -> tuple[str, str, str]:
