@@ -18,8 +18,8 @@ MOST_LOOSE_MODULES = 8
 def allowed(program: str) -> dict[str, list[str]]:
     """What each package may import, in the order of the page."""
     text = PAGE.read_text(encoding="utf-8").partition(f"### Of {program}\n")[2]
-    rows = re.findall(r"(?m)^\| `(\S+)` \| (.*)\|$", text.partition("\n### ")[0])
-    return {package: re.findall(r"`(\S+)`", imported) for package, imported in rows}
+    rows = re.findall(r"(?m)^    (\S+)(.*(?:\n {8}.*)*)$", text.partition("\n### ")[0])
+    return {package: imported.split() for package, imported in rows}
 
 
 def loose_modules(program: str) -> set[str]:
