@@ -40,14 +40,15 @@ from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.alarm_table import Sign, row_of
 from onboard.risk.lcca_warning import LCCA
+from onboard.trace.file_failure import FileFailure, FileUse
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 
 SHOW_S = 0.2
 """Between two views without an urgent event."""
 _URGENT = frozenset({
-    "alarm", "identified", "identity_lost", "recorder", "sensor_lost", "sensor_recovered",
-    "transition",
+    "alarm", "file_failure", "identified", "identity_lost", "recorder", "sensor_lost",
+    "sensor_recovered", "transition",
 })  # fmt: skip
 """Kinds of events that are shown at once."""
 _AlarmKey = tuple[Cause, str]
@@ -101,6 +102,7 @@ class Display:
         """Names of the objects that each alarm is about."""
         self._brake_request: BrakeRequest | None = None
         self._recorder_failure: str | None = None
+        self._failed_files: dict[FileUse, FileFailure] = {}
         self._show_at = -math.inf
 
     def receive_event(self, event: Event) -> None:
@@ -125,7 +127,7 @@ class Display:
                 self._receive_warning(event)
             case Alarm():
                 self._receive_alarm(event)
-            case BrakeRequest() | RecorderState():
+            case BrakeRequest() | FileFailure() | RecorderState():
                 self._receive_state(event)
         if event.kind in _URGENT:
             self._show_at = -math.inf
@@ -170,11 +172,14 @@ class Display:
                 for sensor, reason in self._lost.items()
             ),
             recorder_failure=self._recorder_failure,
+            failed_files=tuple(self._failed_files.values()),
             brake_button=self._brake_button,
         )
 
-    def _receive_state(self, state: BrakeRequest | RecorderState) -> None:
+    def _receive_state(self, state: BrakeRequest | FileFailure | RecorderState) -> None:
         match state:
+            case FileFailure():
+                self._failed_files[state.use] = state
             case BrakeRequest():
                 self._brake_request = state
             case RecorderState():

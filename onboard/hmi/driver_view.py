@@ -12,6 +12,7 @@ from onboard.lcca.transitions import GroupState
 from onboard.observations import LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
 from onboard.risk.alarm_table import Headline, Sign
+from onboard.trace.file_failure import FileFailure
 from onboard.tracking.perceived_object import ObjectSource
 
 _SHORT_ID_DIGITS = 4
@@ -183,4 +184,6 @@ class DriverView:
     sensors: tuple[SensorView, ...]
     recorder_failure: str | None
     """Why the black box does not record; `None` while it records, or without one."""
+    failed_files: tuple[FileFailure, ...]
+    """Files that are to be written and cannot be, each use once."""
     brake_button: bool

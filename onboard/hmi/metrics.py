@@ -22,6 +22,7 @@ from onboard.recorder.build import Build
 from onboard.recorder.records import RecorderState
 from onboard.risk import alarm_table
 from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.trace.file_failure import FileFailure
 from onboard.trace.trace_line import Event
 
 _DELAY_BUCKETS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
@@ -79,6 +80,9 @@ class Metrics:
         self._records_lost = gauge(
             "onboard_records_lost", "Records that the black box could not write since the start."
         )
+        self._file_failed = gauge(
+            "onboard_file_failed", "1 for a file that is to be written and cannot be.", ["use"]
+        )
         self._loop_delay = delay(
             "onboard_loop_delay_seconds",
             "Delay of timers of the daemon's loop, sampled ten times a second.",
@@ -122,13 +126,19 @@ class Metrics:
             case Transition():
                 self._set_state(event.state)
                 self._group_number.set(event.group_number)
-            case RecorderState():
-                self._recording.set(event.is_recording)
-                self._records_lost.set(event.dropped)
+            case RecorderState() | FileFailure():
+                self._receive_storage(event)
             case Speed():
                 self._speed.set(event.speed_m_s)
             case Lead():
                 self._gap.set(float("nan") if event.gap_m is None else event.gap_m)
+
+    def _receive_storage(self, event: RecorderState | FileFailure) -> None:
+        if isinstance(event, FileFailure):
+            self._file_failed.labels(event.use.value).set(1)
+        else:
+            self._recording.set(event.is_recording)
+            self._records_lost.set(event.dropped)
 
     def observe_loop_delay(self, delay_s: float) -> None:
         """Count one delay of a timer of the loop."""

@@ -1,10 +1,10 @@
 """Records a drive without waiting for the disk: a bounded queue, and a thread that writes.
 
-If the disk is full or too slow, records are lost, counted and reported; warnings are not delayed.
+If the disk is full, read-only or too slow, records are lost, counted and reported; warnings are not
+delayed.
 """
 
-import errno
-import os
+import contextlib
 import queue
 import stat
 import threading
@@ -39,8 +39,6 @@ STOP_S: Final = 0.8
 """Longest wait for the last records at the end of a drive in s."""
 NICENESS: Final = 5
 """Niceness of the writing thread: the loop of the cores has priority."""
-FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Errors of a full disk, with which the daemon runs on, without a recording."""
 
 TOO_SLOW: Final = "the disk does not keep up"
 
@@ -80,24 +78,18 @@ class BlackBox:
         self._segments = Segments(self.settings, header)
 
     def start(self) -> None:
-        """Start the writing thread.
+        """Start the writing thread; a folder that cannot be written to is tried again and again.
 
         Raises:
-            UserError: the folder cannot be created or written to, or every user may write to it.
+            UserError: every user may write to the folder.
         """
         folder = self.settings.folder
-        try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        except OSError as error:
-            if error.errno not in FULL:
-                raise UserError(f"recorder.folder: {folder}: {error.strerror}") from error
-        if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
-            raise UserError(f"recorder.folder: {folder}: {os.strerror(errno.EACCES)}")
-        if folder.is_dir() and (mode := folder.stat().st_mode) & stat.S_IWOTH:
-            raise UserError(
-                f"recorder.folder: {folder}: every user may write to it (mode"
-                f" {stat.S_IMODE(mode):o}): allow it to its owner only (chmod 700)"
-            )
+        with contextlib.suppress(OSError):  # reported by the thread
+            if (mode := folder.stat().st_mode) & stat.S_IWOTH and stat.S_ISDIR(mode):
+                raise UserError(
+                    f"recorder.folder: {folder}: every user may write to it (mode"
+                    f" {stat.S_IMODE(mode):o}): allow it to its owner only (chmod 700)"
+                )
         self._thread.start()
 
     def record(self, record: RecordedMessage) -> None:
@@ -175,6 +167,7 @@ class BlackBox:
 
     def _write_until_closed(self, segments: Segments) -> None:
         now, utc_s = time.monotonic(), time.time()
+        self.settings.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         segments.open(now, utc_s)
         if self._unwritten:
             gap = RecordedMessage(

@@ -13,8 +13,8 @@ from typing import ClassVar, TypeVar
 import numpy as np
 import structlog
 
-from onboard.access.driver_file import load_driver, save_driver
-from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
+from onboard.access.driver_file import DriverFile
+from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.errors import UserError
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.obd.dbc_file import read_signals
@@ -29,6 +29,7 @@ from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
 from onboard.step import BrakeButton, Input, ReceivedWsm
+from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.wave_link import bsm_sender, certificate_in
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
@@ -61,18 +62,14 @@ class Daemon:
         """Make the cores; no wire is opened yet. `manager` gets the state of the service.
 
         Raises:
-            UserError: its keys, its driver file or its DBC file cannot be read.
+            UserError: its keys or its DBC file cannot be read.
         """
         self.config = config
         self._manager = manager
         credentials = read_own_credentials(config.security, config.car.plate, config.psids)
-        driver_file = config.access.driver_file
-        self._driver = (
-            load_driver(driver_file, DEFAULT_POPULATION)
-            if driver_file
-            else DriverModel(DEFAULT_POPULATION)
-        )
         self._sinks = OutputSinks()
+        self._driver_file = DriverFile(config.access.driver_file, DEFAULT_POPULATION)
+        self._driver = self._driver_file.driver
         self._wires = Wires(config, self._take, self._take_wsm, self._sinks.show)
         self._stack = recorded_stack(
             self._wires.black_box,
@@ -110,10 +107,8 @@ class Daemon:
         self._loop = asyncio.get_running_loop()
         async with contextlib.AsyncExitStack() as exits:
             exits.callback(self._stop_stepping)
-            if self.config.access.driver_file is not None:
-                # Before driving, so that a file that cannot be written is reported at once.
-                save_driver(self.config.access.driver_file, self._driver)
             self._sinks.open_files(self.config.trace, exits)
+            self.save_driver()  # before driving, so that a file that cannot be written is reported
             await self._wires.open(self._candidate_ids, exits)
             await self._sinks.open_page(self.config, self._stack, self._take_brake_button, exits)
             freeze_start_up_objects()
@@ -131,11 +126,10 @@ class Daemon:
 
         A full disk loses the model, and does not end the drive.
         """
-        if self.config.access.driver_file is not None:
-            try:
-                save_driver(self.config.access.driver_file, self._driver)
-            except UserError as error:
-                log.error("driver model not saved", reason=str(error))  # noqa: TRY400 (no fault of the program)
+        try:
+            self._driver_file.save()
+        except UserError as error:
+            self._sinks.report_failure(FileUse.DRIVER, str(error))
 
     def _step(self) -> None:
         """Run one step of the cores: receive, decide, send, show, and arm the next timer."""

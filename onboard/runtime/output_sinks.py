@@ -3,11 +3,15 @@
 import contextlib
 import time
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import structlog
 
+from onboard.recorder.records import RecorderState
 from onboard.replay.tap import Tap
+from onboard.trace.file_failure import FileFailure, FileUse
 from onboard.trace.trace_file import TraceFile
 from onboard.trace.trace_line import Event, as_json, as_record, as_trace_record
 from onboard.vehicle.config import CarConfig, TraceSettings
@@ -43,17 +47,30 @@ class OutputSinks:
         self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._page: DriverPage | None = None
+        self._before_page: list[Event] = []
+        """What the page is to show of the time before it is open."""
 
     def open_files(self, settings: TraceSettings, edges: contextlib.AsyncExitStack) -> None:
-        """Open trace and capture, until `edges` are closed.
+        """Open trace and capture, until `edges` are closed; one that cannot be created fails."""
+        self._trace = self._opened(FileUse.TRACE, settings.file, edges)
+        capture = self._opened(FileUse.CAPTURE, settings.capture, edges)
+        self._capture = None if capture is None else PcapWriter(capture)
 
-        Raises:
-            UserError: one of them cannot be created.
-        """
-        if settings.file is not None:
-            self._trace = edges.enter_context(TraceFile(settings.file))
-        if settings.capture is not None:
-            self._capture = PcapWriter(edges.enter_context(TraceFile(settings.capture)))
+    def _opened(
+        self, use: FileUse, path: Path | None, edges: contextlib.AsyncExitStack
+    ) -> TraceFile | None:
+        if path is None:
+            return None
+        try:
+            return edges.enter_context(TraceFile(path, partial(self.report_failure, use)))
+        except OSError as error:
+            self.report_failure(use, f"{path}: {error.strerror}")
+            return None
+
+    def report_failure(self, use: FileUse, reason: str) -> None:
+        """Report a file that cannot be written; the vehicle drives on without it."""
+        log.error("file failed", use=use.value, reason=reason)
+        self.show(FileFailure(time.monotonic(), use, reason))
 
     async def open_page(
         self,
@@ -81,16 +98,22 @@ class OutputSinks:
         self._page = DriverPage(config.hmi, config, stack, on_brake)
         await self._page.start()
         edges.push_async_callback(self._page.close)
+        for event in self._before_page:
+            self._page.receive_event(event)
 
     def show(self, event: Event) -> None:
         """Write an event of the stack or daemon to all sinks."""
         if self._page is not None:
             self._page.receive_event(event)
+        elif isinstance(event, FileFailure | RecorderState):
+            self._before_page.append(event)
         if self._trace is not None:
             record = as_trace_record(event) | {"traced_s": time.monotonic()}
             self._trace.write(as_json(record).encode() + b"\n")
         if event.kind in LOGGED_KINDS:
-            log.info(event.kind, details=as_record(event))
+            is_fault = isinstance(event, RecorderState) and not event.is_recording
+            report = log.error if is_fault else log.info
+            report(event.kind, details=as_record(event))
 
     def show_frame(self, wsm: bytes, sender_mac: bytes) -> None:
         """Write a WSM that was sent or received to the capture."""

@@ -4,29 +4,27 @@ import contextlib
 import io
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
-import structlog
 from typing_extensions import Buffer, override
-
-from onboard.errors import UserError
-
-log = structlog.get_logger()
 
 
 class TraceFile(io.FileIO):
     """Unbuffered file; after the first error nothing more is written."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, on_failure: Callable[[str], None]) -> None:
         """Create the file, or truncate it; only its owner may read it, since it has plates.
 
+        Args:
+            path: of the file.
+            on_failure: called with the reason at the first error of writing.
+
         Raises:
-            UserError: it cannot be created.
+            OSError: it cannot be created.
         """
-        try:
-            super().__init__(path, "wb", opener=_open_private)
-        except OSError as error:
-            raise UserError(f"trace: {path}: {error.strerror}") from error
+        super().__init__(path, "wb", opener=_open_private)
+        self._on_failure = on_failure
         self._has_failed = False
 
     @override
@@ -37,7 +35,7 @@ class TraceFile(io.FileIO):
             return super().write(data)
         except OSError as error:
             self._has_failed = True
-            log.error("trace ended", file=str(self.name), reason=error.strerror)  # noqa: TRY400 (a full disk is no error of the program)
+            self._on_failure(f"{self.name!s}: {error.strerror}")
             return 0
 
 

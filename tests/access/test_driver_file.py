@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.access.driver_file import load_driver, save_driver
+from onboard.access.driver_file import DriverFile, load_driver, save_driver
 from onboard.access.driver_model import DEFAULT_POPULATION, DriverModel
 from onboard.errors import UserError
 from onboard.settings import SettingsError
@@ -78,3 +78,19 @@ def test_any_learned_state_can_be_stored_and_loaded(reactions: list[tuple[float,
     again = DriverModel(DEFAULT_POPULATION, memory=driver.memory())
 
     assert again.memory() == driver.memory()
+
+
+def test_a_file_that_cannot_be_read_is_left_as_it_is_and_reported(tmp_path: Path) -> None:
+    path = tmp_path / "driver.json"
+    path.write_text("{")
+
+    file = DriverFile(path, DEFAULT_POPULATION)
+
+    assert file.driver.observed == 0
+    with pytest.raises(UserError, match=r"driver\.json: not YAML"):
+        file.save()
+    assert path.read_text() == "{"
+
+
+def test_without_a_file_nothing_is_kept() -> None:
+    DriverFile(None, DEFAULT_POPULATION).save()

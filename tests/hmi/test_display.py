@@ -38,6 +38,7 @@ from onboard.risk.eebl import EEBL
 from onboard.risk.fcw import FCW
 from onboard.risk.ima import IMA
 from onboard.risk.lcca_warning import LCCA
+from onboard.trace.file_failure import FileFailure, FileUse
 from onboard.trace.trace_line import as_record
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
@@ -229,6 +230,15 @@ def test_a_failed_recorder_is_shown_with_its_reason_until_it_records() -> None:
     assert shown(page, 10.01).recorder_failure == "disk full"
     page.receive_event(RecorderState(10.02, is_recording=True, reason="", dropped=3))
     assert shown(page, 10.02).recorder_failure is None
+
+
+def test_a_file_that_cannot_be_written_is_shown_with_its_reason() -> None:
+    page = display()
+    assert shown(page, 10.0).failed_files == ()
+    failure = FileFailure(10.01, FileUse.TRACE, "/var/log/trace.jsonl: Read-only file system")
+    page.receive_event(failure)
+
+    assert shown(page, 10.01).failed_files == (failure,)
 
 
 def test_an_alarm_is_shown_until_it_ends_with_the_time_of_its_level() -> None:

@@ -351,12 +351,19 @@ def test_a_folder_to_which_every_user_may_write_is_refused(tmp_path: Path) -> No
         box.start()
 
 
-def test_a_folder_that_cannot_be_created_is_a_user_error(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    box = BlackBox(RecorderSettings(folder=tmp_path / "file" / "box"), lambda _: None)
+def test_a_folder_that_cannot_be_created_is_reported_and_tried_again(
+    tmp_path: Path, record: Callable[..., Running], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is read-only or not there at the start: the vehicle drives on without it."""
+    monkeypatch.setattr(black_box, "RETRY_S", 0.05)
+    disk = tmp_path / "disk"
+    disk.write_text("")
+    running = record(disk / "box")
+    wait_until(lambda: bool(running.states))
+    assert (running.states[0].is_recording, running.states[0].reason) == (False, "Not a directory")
 
-    with pytest.raises(UserError, match=r"recorder.folder: .*file/box: Not a directory"):
-        box.start()
+    disk.unlink()
+    wait_until(lambda: running.states[-1].is_recording)
 
 
 @pytest.fixture

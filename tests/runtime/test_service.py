@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from onboard.runtime.systemd import Systemd
-from onboard.trace.trace_file import TraceFile
 
 
 class NotifySocket:
@@ -151,10 +150,3 @@ def test_an_abstract_socket_is_notified() -> None:
         name = abstract.getsockname().decode()
         Systemd({"NOTIFY_SOCKET": "@" + name[1:]}).stopping()
         assert abstract.recv(64) == b"STOPPING=1"
-
-
-def test_a_full_disk_ends_the_trace_only(capsys: pytest.CaptureFixture[str]) -> None:
-    with TraceFile(Path("/dev/full")) as trace:
-        assert trace.write(b"{}") == 0
-        assert trace.write(b"{}") == 0
-    assert capsys.readouterr().out.count("No space left on device") == 1

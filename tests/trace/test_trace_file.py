@@ -17,7 +17,7 @@ def an_umask_that_hides_nothing() -> Iterator[None]:
 
 
 def test_only_its_owner_may_read_a_trace_since_it_has_plates(tmp_path: Path) -> None:
-    with TraceFile(tmp_path / "trace.jsonl") as trace:
+    with TraceFile(tmp_path / "trace.jsonl", print) as trace:
         trace.write(b"{}\n")
 
     assert (tmp_path / "trace.jsonl").stat().st_mode & 0o777 == 0o600
@@ -28,8 +28,17 @@ def test_a_trace_that_others_could_read_is_theirs_no_more(tmp_path: Path) -> Non
     path.write_text("of an earlier drive")
     path.chmod(0o644)
 
-    with TraceFile(path) as trace:
+    with TraceFile(path, print) as trace:
         trace.write(b"{}\n")
 
     assert path.stat().st_mode & 0o777 == 0o600
     assert path.read_text() == "{}\n"
+
+
+def test_a_full_disk_ends_the_file_and_is_reported_once() -> None:
+    reasons: list[str] = []
+    with TraceFile(Path("/dev/full"), reasons.append) as trace:
+        assert trace.write(b"{}") == 0
+        assert trace.write(b"{}") == 0
+
+    assert reasons == ["/dev/full: No space left on device"]

@@ -43,7 +43,7 @@ function show(view) {
   showAlarms(view.alarms);
   showRequest(view.brake_request);
   showGroup(view.group);
-  showSensors(view.sensors, view.recorder_failure);
+  showSensors(view.sensors, view.recorder_failure, view.failed_files);
   $("brake").hidden = !view.brake_button;
   showMiddle(view);
 }
@@ -106,7 +106,7 @@ function showLead({ lead, speed_m_s }) {
   $("gap-note").textContent = fill(TEXTS.safeFrom, { headway, safe: Math.round(safe_gap_m) });
 }
 
-function showSensors(sensors, recorder_failure) {
+function showSensors(sensors, recorder_failure, failed_files) {
   const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio, detector: TEXTS.detector };
   $("sensors").replaceChildren(...sensors.map(({ sensor, is_lost, reason }) => {
     const item = make("li", is_lost ? "lost" : "", "");
@@ -116,9 +116,13 @@ function showSensors(sensors, recorder_failure) {
     item.append(icon(sensor), words);
     return item;
   }));
-  if (recorder_failure === null) return;
-  const words = make("span", "", TEXTS.notRecording);
-  words.append(make("small", "", recorder_failure));
+  if (recorder_failure !== null) showFailure(TEXTS.notRecording, recorder_failure);
+  for (const { use, reason } of failed_files) showFailure(TEXTS.notWritten[use], reason);
+}
+
+function showFailure(text, reason) {
+  const words = make("span", "", text);
+  words.append(make("small", "", reason));
   const item = make("li", "lost", "");
   item.append(icon("recorder"), words);
   $("sensors").append(item);

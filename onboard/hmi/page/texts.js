@@ -74,6 +74,7 @@ export const TEXTS = {
   detector: "Detector",
   lost: "{sensor} lost",
   notRecording: "Not recording",
+  notWritten: { trace: "No trace", capture: "No capture", driver: "Driver not remembered" },
   reasons: {
     silent: "silent", frozen: "image frozen", dark: "image dark", end_of_recording: "recording ended",
   },
