@@ -471,7 +471,7 @@ def test_overlap_is_intersection_over_union() -> None:
 
 def test_the_calibration_in_the_docs_is_one(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "vision.md").read_text()
-    example = page.split("writes them down:\n\n")[1].split("\n\nPixels count")[0]
+    example = page.split("write them down:\n\n")[1].split("\n\nPixels count")[0]
     camera = tmp_path / "camera.yaml"
     camera.write_text(textwrap.dedent(example))
 
