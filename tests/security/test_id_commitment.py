@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import SecretStr
 
 from onboard.security.credentials import Credentials
 from onboard.security.id_commitment import (
@@ -121,21 +122,24 @@ def test_they_are_kept_beside_the_keys(tmp_path: Path) -> None:
     ]
 
 
-def _settings(folder, key="onboard-open-community"):
-    digest = PlateDigestSettings(scrypt_log2_n=1, community_key=key)
+def _settings(folder: Path, key: str = "onboard-open-community") -> SecuritySettings:
+    digest = PlateDigestSettings(scrypt_log2_n=1, community_key=SecretStr(key))
     return SecuritySettings(keys_folder=folder, plate_digest=digest)
 
 
-def test_a_vehicle_starts_with_certificates_of_its_plate(tmp_path):
+def test_a_vehicle_starts_with_certificates_of_its_plate(tmp_path: Path) -> None:
     write_credentials(tmp_path / "car", _credentials())
     read = read_own_credentials(_settings(tmp_path / "car"), "ABC 123", {BSM, LCCA})
+    assert read is not None
     assert read.commit_to_ids
 
 
 @pytest.mark.parametrize(
     ("plate", "key"), [("ABC124", "onboard-open-community"), ("ABC123", "another community's key")]
 )
-def test_certificates_of_another_plate_or_community_key_are_an_error(tmp_path, plate, key):
+def test_certificates_of_another_plate_or_community_key_are_an_error(
+    tmp_path: Path, plate: str, key: str
+) -> None:
     write_credentials(tmp_path / "car", _credentials())
     with pytest.raises(
         KeyFilesError, match=rf"pseudonyms/000\.cert: .* than {plate} \(`car.plate`"
@@ -143,7 +147,7 @@ def test_certificates_of_another_plate_or_community_key_are_an_error(tmp_path, p
         read_own_credentials(_settings(tmp_path / "car", key), plate)
 
 
-def test_a_missing_file_of_ids_is_an_error(tmp_path):
+def test_a_missing_file_of_ids_is_an_error(tmp_path: Path) -> None:
     write_credentials(tmp_path / "car", _credentials())
     (tmp_path / "car" / "pseudonyms" / "001.ids").unlink()
     with pytest.raises(KeyFilesError, match=r"001\.ids: cannot be read: No such file"):

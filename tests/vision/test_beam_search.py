@@ -30,7 +30,7 @@ def views(seed: int, columns: int, classes: int, sharpness: float) -> np.ndarray
     scores = sharpness * rng.standard_normal((1, columns, classes))
     scores = scores + 0.3 * sharpness * rng.standard_normal((3, columns, classes))
     likely = np.exp(scores)
-    return likely / likely.sum(axis=2, keepdims=True)
+    return np.asarray(likely / likely.sum(axis=2, keepdims=True))
 
 
 @pytest.mark.parametrize("seed", range(20))

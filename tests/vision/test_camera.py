@@ -9,11 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
 import numpy as np
 import pytest
+from av.video.stream import VideoStream
+from typing_extensions import override
 
 from onboard.observations import Discarded, Lead, SensorLost
 from onboard.vision.camera import CameraThread, open_frames
@@ -23,6 +26,7 @@ from onboard.vision.parameters import PerceptionParameters
 from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import Scene, SceneCar
+from tests.typed import a
 from tests.vision.drive import CAMERA, frames
 
 BOUNDARY = b"picture"
@@ -54,7 +58,7 @@ def write_video_at(
     path: Path, times_s: list[float], fps: int = 25, *, codec: str = "mpeg4"
 ) -> None:
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=fps)
+        stream = a(VideoStream, container.add_stream(codec, rate=fps))
         stream.width, stream.height = 64, 48
         stream.codec_context.time_base = Fraction(1, 1000)
         for index, time_s in enumerate(times_s):
@@ -65,7 +69,7 @@ def write_video_at(
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[[list[bytes]], str]]:
+def serve() -> Iterator[Callable[[list[list[bytes]]], str]]:
     """Serve each list of bytes to one connection after the other; the last is kept open."""
     servers = []
 
@@ -85,6 +89,7 @@ def serve() -> Iterator[Callable[[list[bytes]], str]]:
                 if not waiting:
                     done.wait(10.0)
 
+            @override
             def log_message(self, *_: object) -> None:
                 pass
 
@@ -290,11 +295,11 @@ def test_a_stream_that_ends_is_reopened(serve: Callable[..., str]) -> None:
     assert levels[-1] == 200
 
 
-def events_of_thread(camera: CameraSettings, enough: Callable[[list], bool]) -> list:
-    events: list = []
+def events_of_thread(camera: CameraSettings, enough: Callable[[list[Any]], bool]) -> list[Any]:
+    events: list[Any] = []
     done = threading.Event()
 
-    def collect(observations: list) -> None:
+    def collect(observations: list[Any]) -> None:
         events.extend(observations)
         if enough(events):
             done.set()

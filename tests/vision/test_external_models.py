@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from onboard.errors import UserError
-from onboard.observations import ImageBox, LeadIdentity
+from onboard.observations import ImageBox, Lead, LeadIdentity
 from onboard.vision.box_model import LARGEST_BYTES, BoxModel
 from onboard.vision.detection import SearchPlan
 from onboard.vision.external_plate_detector import ExternalPlateDetector
@@ -20,6 +20,7 @@ from onboard.vision.settings import BoxModelSettings, VehicleModelSettings, Visi
 from onboard.vision.vehicle_detector import VehicleBoxDetector
 from sim_rig.rendering.plate_art import EU, draw_plate
 from sim_rig.rendering.scene import opaque, warp_onto
+from tests.typed import a
 from tests.vision.drive import CAMERA
 from tests.vision.onnx_by_hand import write_red_square_detector, write_yolox_like
 
@@ -34,7 +35,7 @@ def model(tmp_path: Path, **changes: Any) -> VehicleModelSettings:
         "least_score": 0.4,
         "every_n_frames": 1,
     }
-    return VehicleModelSettings(**(given | changes))
+    return VehicleModelSettings.model_validate(given | changes)
 
 
 def red_square(x: int, y: int, side: int, size: tuple[int, int] = (540, 960)) -> np.ndarray:
@@ -185,9 +186,10 @@ def test_a_vehicle_without_a_plate_is_a_lead_of_unknown_identity(tmp_path: Path)
                 leads.append(event)
             assert event.kind != "plate"
 
-    assert leads[-1].identity is LeadIdentity.UNKNOWN
-    assert leads[-1].text is None
-    assert 9.0 < leads[-1].gap_m < 13.0
+    lead = a(Lead, leads[-1])
+    assert lead.identity is LeadIdentity.UNKNOWN
+    assert lead.text is None
+    assert 9.0 < a(float, lead.gap_m) < 13.0
 
 
 def plate_model(tmp_path: Path) -> BoxModelSettings:

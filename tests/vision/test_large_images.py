@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.observations import ImageBox
 from onboard.vision.detection import DetectionKind, SearchPlan
@@ -35,6 +36,7 @@ class WatchedFinder(PlateDetector):
         super().__init__()
         self.widths_px: list[int] = []
 
+    @override
     def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
         self.widths_px.append(image.shape[1])
         return super().find(image, region)

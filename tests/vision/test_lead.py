@@ -152,7 +152,8 @@ def test_a_vehicle_beside_a_plate_that_was_not_seen_for_a_while_is_not_around_it
 def test_a_lead_whose_detections_leap_as_no_body_does_is_none(ahead_m: tuple[float, float]) -> None:
     """A patch of shadow and a guard rail were: what was a lead once was not asked any more."""
     road = TrackedRoad()
-    assert road.steps(5, found_vehicle(ahead_m[0])) is not None
+    lead = road.steps(5, found_vehicle(ahead_m[0]))
+    assert lead is not None
     (track,) = road.tracker.tracks
 
     for leap_m in ahead_m[::-1] * 5:

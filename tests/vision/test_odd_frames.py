@@ -101,7 +101,7 @@ def darker(image: Image) -> Image:
 
 
 def overexposed(image: Image) -> Image:
-    return np.clip(image * 2.2, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image * 2.2, 0, 255), np.uint8)
 
 
 def half_as_large(image: Image) -> Image:

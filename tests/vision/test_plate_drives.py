@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onboard.observations import LeadIdentity
+from onboard.observations import Lead, LeadIdentity
 from onboard.tools.see.annotated_frame import annotate_frames
 from onboard.vision.camera import open_frames
 from onboard.vision.perception import Perception
@@ -16,6 +16,7 @@ from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sized_camera import Networks
 from sim_rig.rendering.plate_art import EU, FORMATS, PlateFormat, draw_plate
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
+from tests.typed import a
 from tests.vision.drive import Observed, frames, observe
 
 CAMERA = CameraSettings(source="rendered", focal_x_px=2000.0, focal_y_px=2000.0, pitch_rad=0.02)
@@ -63,8 +64,9 @@ def test_the_first_closing_speeds_are_within_their_sigmas(closing_m_s: float) ->
     leads = [lead for lead in observed.leads if lead.gap_m is not None]
     assert len(leads) >= 6
     for lead in leads:
-        assert lead.closing_speed_sigma_m_s <= 3.0
-        assert abs(lead.closing_speed_m_s - closing_m_s) < 3 * lead.closing_speed_sigma_m_s
+        sigma_m_s = a(float, lead.closing_speed_sigma_m_s)
+        assert sigma_m_s <= 3.0
+        assert abs(a(float, lead.closing_speed_m_s) - closing_m_s) < 3 * sigma_m_s
 
 
 def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
@@ -205,6 +207,7 @@ def test_real_clips_without_a_legible_plate_have_none(
 
     assert len(observed) == len(chosen) >= 12
     assert [plate for frame in observed for plate in frame.plates] == []
-    assert {frame.lead.gap_m for frame in observed} == {None}
+    leads = [a(Lead, frame.lead) for frame in observed]
+    assert {lead.gap_m for lead in leads} == {None}
     # Where the camera points is not known, so neither is whether the lane is free.
-    assert {frame.lead.identity for frame in observed} == {LeadIdentity.UNKNOWN}
+    assert {lead.identity for lead in leads} == {LeadIdentity.UNKNOWN}

@@ -2,18 +2,19 @@
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from onboard.vision.plate_views import BLUR_PX, MAX_FRAMES, PlateViews
 
 
-def plate(seed: int) -> np.ndarray:
+def plate(seed: int) -> npt.NDArray[np.float32]:
     """Views of one plate without noise."""
     coarse = np.random.default_rng(seed).standard_normal((8, 20))
     return np.tile(np.kron(coarse, np.ones((8, 8))), (3, 1, 1, 1)).astype(np.float32)
 
 
-def noise(rng: np.random.Generator) -> np.ndarray:
+def noise(rng: np.random.Generator) -> npt.NDArray[np.float32]:
     return (0.5 * rng.standard_normal((3, 1, 64, 160))).astype(np.float32)
 
 
@@ -30,7 +31,7 @@ def test_the_mean_has_less_noise_than_a_view() -> None:
 def test_old_views_fade() -> None:
     views = PlateViews(plate(1))
     for _ in range(100):
-        views = views.with_views(1.1 * plate(1))
+        views = views.with_views(np.float32(1.1) * plate(1))
 
     assert views.frames == MAX_FRAMES
     assert np.allclose(views.mean, 1.1 * plate(1), atol=1e-3)
@@ -54,12 +55,16 @@ def test_what_frames_show_blurred_is_sharpened_as_noise_falls() -> None:
     px_per_pixel = 6.0
     sigma = BLUR_PX * px_per_pixel
     blurred = np.stack([cv2.GaussianBlur(view, (0, 0), sigma) for view in plate(1)[:, 0]])[:, None]
-    one = views = PlateViews(blurred + 0.2 * noise(rng))
-    for _ in range(11):
-        views = views.with_views(blurred + 0.2 * noise(rng))
 
-    def error(seen: np.ndarray) -> float:
-        return float(np.std(seen / seen.std() - plate(1) / plate(1).std()))
+    def seen() -> npt.NDArray[np.float32]:
+        return np.asarray(blurred + 0.2 * noise(rng), np.float32)
+
+    one = views = PlateViews(seen())
+    for _ in range(11):
+        views = views.with_views(seen())
+
+    def error(mean: np.ndarray) -> float:
+        return float(np.std(mean / mean.std() - plate(1) / plate(1).std()))
 
     assert np.array_equal(one.sharpened(px_per_pixel), one.mean)
     assert error(views.sharpened(px_per_pixel)) < 0.9 * error(views.mean)

@@ -1,12 +1,14 @@
 """When all of the image is searched, and for what, where vehicles are found as such."""
 
 import pytest
+from typing_extensions import override
 
 from onboard.observations import ImageBox
+from onboard.vision.frames import Image
 from onboard.vision.networks import load_networks
 from onboard.vision.perception import Perception
-from onboard.vision.plate_detector import Image, PlateDetection
-from onboard.vision.plates import Corners, Plates, PlateText
+from onboard.vision.plate_detector import Corners, PlateDetection
+from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.settings import VisionSettings
 from onboard.vision.sized_camera import Networks
 from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
@@ -26,6 +28,7 @@ class GivenVehicles(VehicleFinder):
             VehicleBox(box, (box.x_px, box.x_px + box.w_px), VehicleKind.CAR, 0.9) for box in boxes
         ]
 
+    @override
     def find(self, image: Image) -> list[VehicleBox]:
         self.searches += 1
         return self._found

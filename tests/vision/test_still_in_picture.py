@@ -27,7 +27,8 @@ def scenery(index: int, speed_px: float = 9.0) -> Image:
     coarse = rng.uniform(70, 110, (HEIGHT // 12, 200)).astype(np.float32)
     wide = cv2.resize(coarse, (2400, HEIGHT), interpolation=cv2.INTER_CUBIC)
     left = round(speed_px * index)
-    return cv2.cvtColor(wide[:, left : left + WIDTH].clip(0, 255).astype(np.uint8), 8)
+    grey = wide[:, left : left + WIDTH].clip(0, 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def stamped(image: Image, text: str, dx_px: float = 0.0) -> Image:
@@ -36,8 +37,8 @@ def stamped(image: Image, text: str, dx_px: float = 0.0) -> Image:
     shown = image.copy()
     layer = np.zeros_like(shown)
     cv2.putText(layer, text, (at[0] // 16, at[1] // 16), 0, 0.6, (255, 255, 255), 2, cv2.LINE_AA)
-    moved = cv2.warpAffine(layer, np.float32([[1, 0, dx_px % 1.0], [0, 1, 0]]), (WIDTH, HEIGHT))
-    return np.maximum(shown, moved)
+    shift = np.array([[1, 0, dx_px % 1.0], [0, 1, 0]], np.float32)
+    return np.maximum(shown, np.asarray(cv2.warpAffine(layer, shift, (WIDTH, HEIGHT)), np.uint8))
 
 
 def watched(images: Iterator[Image], box: ImageBox = BOX) -> list[bool]:
@@ -75,13 +76,14 @@ def test_a_vehicle_that_was_approached_is_never_still_at_a_constant_gap() -> Non
 @pytest.mark.parametrize("kind", [DetectionKind.PLATE, DetectionKind.VEHICLE])
 def test_what_is_found_as_a_vehicle_is_never_still(kind: DetectionKind) -> None:
     """One that is followed at one gap from the first frame on, on a smooth road, stays there."""
-    road = TrackedRoad(needs_vehicle=True)
+    road, lead = TrackedRoad(needs_vehicle=True), None
     for index in range(40):
         lead = road.step(detection(20.0, text=None), detection(20.5, text=None, kind=kind))
         (track,) = road.tracker.tracks
         image = stamped(scenery(index), "RD288HX")
         track.still_in_picture.receive_frame(image, BOX, road.stamp_s)
 
+    (track,) = road.tracker.tracks
     assert track.still_in_picture.is_still(road.stamp_s)
     assert (lead is track) is (kind is DetectionKind.VEHICLE)
 
@@ -133,9 +135,9 @@ def test_what_was_still_is_forgotten() -> None:
 def test_a_plate_that_is_burnt_into_the_picture_is_no_lead() -> None:
     """It would be a lead for as long as it is there, at a few metres."""
     art = cv2.resize(draw_plate("GN417KB", EU, px_per_mm=1.0), (156, 34))[..., :3]
-    drive = []
+    drive: list[tuple[float, Image]] = []
     for index in range(40):
-        image = cv2.resize(scenery(index), (1280, 720))
+        image = np.asarray(cv2.resize(scenery(index), (1280, 720)), np.uint8)
         image[500:534, 560:716] = art
         drive.append((index / FPS, image))
 

@@ -1,9 +1,10 @@
 """Distance of vehicles by the shipped detector: by width, ground contact, and both."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.observations import ImageBox
 from onboard.vision.detection import Detection, SearchPlan
@@ -18,13 +19,14 @@ _PERSPECTIVE = Perspective(CAMERA)
 _IMAGE = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
 
 
-@dataclass
-class _Finder:
+class _Finder(VehicleFinder):
     """Finds what it is told."""
 
-    vehicles: list[VehicleBox]
+    def __init__(self, vehicles: list[VehicleBox]) -> None:
+        self.vehicles = vehicles
 
-    def find(self, _: np.ndarray) -> list[VehicleBox]:
+    @override
+    def find(self, image: np.ndarray) -> list[VehicleBox]:
         return self.vehicles
 
 

@@ -29,6 +29,7 @@ from sim_rig.boxes.played_drive import (
     start_on_clock_of,
 )
 from tests.recorder.headers import HEADER
+from tests.typed import about
 
 DRIVES = Path(__file__).parents[2] / "drives"
 LIVE = DRIVES / "live.mcap"
@@ -87,7 +88,7 @@ def test_pictures_positions_and_detections_of_a_black_box_are_played(tmp_path: P
         )
     )
     played = list(drive.inputs())
-    found = [(each.wire, pytest.approx(each.at_s, abs=1e-6)) for each in played]
+    found = [(each.wire, about(each.at_s, 1e-6)) for each in played]
     assert found == [("camera", 0.0), ("detector", 0.2), ("satellites", 0.2)]
     assert played[0].data == b"jpeg"
 
@@ -129,11 +130,12 @@ def test_a_clip_starts_with_the_first_can_frame(tmp_path: Path) -> None:
     )
     drive = of_raw_recordings(RawRecording(can=log, clip=f"{tmp_path}/*.png", fps=10.0))
     played = list(drive.inputs())
-    found = [(each.wire, pytest.approx(each.at_s, abs=1e-6)) for each in played]
+    found = [(each.wire, about(each.at_s, 1e-6)) for each in played]
     assert found == [
         ("bus", 0.0), ("camera", 0.0), ("camera", 0.1), ("bus", 0.15), ("camera", 0.2),
     ]  # fmt: skip
     image = cv2.imdecode(np.frombuffer(played[2].data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
     assert abs(float(image.mean()) - 40.0) < 1.0
     assert drive.start_utc_s == 1_700_000_000.0
 

@@ -8,6 +8,7 @@ import numpy as np
 from onboard.wave_udp import psid
 from onboard.wave_udp.wsmp import decode
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
+from sim_rig.radio.air import Delivery
 from sim_rig.radio.models import open_air
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -41,8 +42,8 @@ def test_without_background_traffic_the_channel_is_unchanged() -> None:
     assert air.get_timer() == math.inf
     air.receive_wsm("close", b"\x00" * 50, 5, 1.0)
 
-    at = air.get_timer()
-    assert at < math.inf
+    delivered: list[Delivery] = []
+    assert air.get_timer() < math.inf
     while (at := air.get_timer()) < math.inf:
         delivered = air.wsms_to_deliver(at)
     assert {delivery.receiver for delivery in delivered} <= {"calm", "switched_off"}

@@ -3,8 +3,8 @@
 from collections import Counter
 from pathlib import Path
 
-import cantools
 import pytest
+from cantools.database import Database, load_file, load_string
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,12 +17,18 @@ from onboard.observations import BrakePedal, Speed
 from sim_rig.cars.broadcast_unit import BroadcastUnit
 from sim_rig.scenario.catalogue import SCENARIOS
 from sim_rig.scenario.schema import Scenario, load_scenario
+from tests.typed import a
 
 DBC = SCENARIOS / "wheel-speeds.dbc"
 WHEELS = ("FRONT_LEFT", "FRONT_RIGHT", "REAR_LEFT", "REAR_RIGHT")
 SIGNALS = BroadcastSettings(
     dbc=DBC, speed=tuple(f"WHEEL_SPEEDS.{wheel}" for wheel in WHEELS), brake_pedal="BRAKE.PEDAL"
 )
+
+
+def speeds_in(database: object, frame: CanFrame) -> dict[str, float]:
+    speeds: dict[str, float] = a(dict, a(Database, database).decode_message(288, frame.data))
+    return speeds
 
 
 def braking(now: float) -> float:
@@ -76,7 +82,7 @@ def test_another_unit_may_be_stated_in_the_settings() -> None:
     dbc = DBC.read_text("latin-1").replace('"km/h"', '""')
     settings = SIGNALS.model_copy(update={"speed_unit": "mph"})
     frame = unit(settings, dbc).frames_to_send(0.0)[0]
-    decoded = cantools.database.load_string(dbc).decode_message(288, frame.data)
+    decoded = speeds_in(load_string(dbc), frame)
     assert decoded["FRONT_LEFT"] == pytest.approx(15.0 * 3600.0 / 1609.344, abs=0.005)
 
 
@@ -84,7 +90,7 @@ def test_another_unit_may_be_stated_in_the_settings() -> None:
 def test_a_speed_that_the_bits_cannot_carry_is_sent_as_the_nearest(speed_m_s: float) -> None:
     sender = BroadcastUnit(SIGNALS, DBC.read_text("latin-1"), lambda _now: speed_m_s)
     frame = sender.frames_to_send(0.0)[0]
-    decoded = cantools.database.load_file(DBC).decode_message(288, frame.data)
+    decoded = speeds_in(load_file(DBC), frame)
     nearest_km_h = min(max(speed_m_s / KM_H, 0.0), 655.35)
     assert decoded["REAR_LEFT"] == pytest.approx(nearest_km_h, abs=0.005)
 

@@ -10,6 +10,7 @@ from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.roads.earth import ORIGIN, ORIGIN_HEIGHT_M
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import ReceiverSettings
+from tests.typed import a
 
 UTC_OFFSET_S = 1_750_000_000.04
 """So that fixes do not fall on round moments of the car's clock."""
@@ -76,7 +77,7 @@ def test_errors_agree_with_the_settings_and_the_reported_sigma() -> None:
     errors = errors_m(found)
     assert errors.std() == pytest.approx(np.hypot(0.7, 0.2), rel=0.15)
     assert found[0].sigma_m == pytest.approx(np.hypot(0.7, 0.2), abs=0.01)
-    assert np.std([fix.altitude_m for fix in found]) == pytest.approx(1.46, rel=0.2)
+    assert np.std([a(float, fix.altitude_m) for fix in found]) == pytest.approx(1.46, rel=0.2)
 
 
 def test_the_bias_wanders_and_the_noise_does_not() -> None:

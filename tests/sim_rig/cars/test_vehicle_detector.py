@@ -12,6 +12,7 @@ from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import LATENCY_S, ExternalDetector
 from sim_rig.roads.road import CarState
 from sim_rig.scenario.sensor_settings import SENSOR_PROFILES, VehicleCameraSettings
+from tests.typed import a, every
 
 
 def detector(seed: int = 1) -> ExternalDetector:
@@ -48,7 +49,7 @@ def test_a_late_datagram_has_the_age_of_its_image() -> None:
         now = device.get_timer() + late_s
         reader.receive_bytes(device.bytes_to_send(now), now)
 
-    first, second = iter(reader.next_event, None)
+    first, second = every(DetectionList, iter(reader.next_event, None))
     assert second.stamp_s - first.stamp_s == pytest.approx(1 / VehicleCameraSettings().rate_hz)
     assert first.stamp_s == pytest.approx(0.03)
 
@@ -95,7 +96,8 @@ def test_only_the_plate_camera_needs_the_rear_of_a_car() -> None:
 def test_radar_measures_the_range_rate() -> None:
     slower = CarState(0.0, 60.0, 0.0, 0.0, 0.0, 15.0, 0.0, 4.5, 1.8, 1.5)
 
-    rates = [first_list("radar-150", slower, seed).cars[0].range_rate_m_s for seed in range(50)]
+    lists = [first_list("radar-150", slower, seed) for seed in range(50)]
+    rates = [a(float, each.cars[0].range_rate_m_s) for each in lists]
 
     assert np.mean(rates) == pytest.approx(-5.0, abs=0.05)
     assert np.std(rates) == pytest.approx(0.1, rel=0.4)

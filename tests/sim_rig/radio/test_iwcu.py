@@ -13,6 +13,7 @@ from onboard.wave_udp.settings import IwcuSettings, Rsu41Settings
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.radio.reach import ReachAir
+from sim_rig.roads.road import CarState
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.scenario.radio_settings import ReachSettings
 from sim_rig.scenario.wire_settings import RadioWire
@@ -20,6 +21,11 @@ from sim_rig.scenario.wire_settings import RadioWire
 CARS = ["ann", "ben", "cat"]
 RSU41 = Rsu41Settings(endpoint="rsu41", listen_port=1)
 WSM = wsmp.encode(WaveShortMessage(psid=0x20, payload=b"signed data"))
+
+
+def nowhere(_now: float) -> dict[str, CarState]:
+    """The places of the cars, which a list of neighbours does not need."""
+    return {}
 
 
 def free_port() -> int:
@@ -35,7 +41,7 @@ def test_a_wsm_goes_to_all_in_reach_only_with_its_priority() -> None:
     async def talk() -> None:
         loop = asyncio.get_running_loop()
         settings = ReachSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
-        units = RadioUnits(ReachAir(settings, dict, CARS, np.random.default_rng(0)), recorder)
+        units = RadioUnits(ReachAir(settings, nowhere, CARS, np.random.default_rng(0)), recorder)
         endpoints = {}
         for car in CARS:
             port = free_port()
@@ -68,7 +74,7 @@ def test_a_car_without_a_wire_hears_and_is_heard() -> None:
 
     async def talk() -> tuple[bytes, bytes]:
         units = RadioUnits(
-            ReachAir(settings, dict, CARS[:2], np.random.default_rng(0)),
+            ReachAir(settings, nowhere, CARS[:2], np.random.default_rng(0)),
             RigRecorder(),
         )
         to_ann, to_ben = asyncio.Queue[bytes](), asyncio.Queue[bytes]()
@@ -107,7 +113,9 @@ def test_a_unit_of_the_rsu_specification_forwards_immediately(
     settings = ReachSettings(neighbours={"ann": ("ben",)}, delay_s=0.001)
 
     async def talk() -> None:
-        units = RadioUnits(ReachAir(settings, dict, CARS[:2], np.random.default_rng(0)), recorder)
+        units = RadioUnits(
+            ReachAir(settings, nowhere, CARS[:2], np.random.default_rng(0)), recorder
+        )
         units.add_in_process("ben", heard.append)
         wire = RadioWire(endpoint="rsu41", port=free_port(), box_port=free_port())
         units.add("ann", wire)
@@ -129,7 +137,7 @@ def test_a_frame_arrives_also_while_others_are_transmitted_without_a_pause() -> 
     heard: list[bytes] = []
 
     async def talk() -> None:
-        air = ReachAir(settings, dict, CARS[:2], np.random.default_rng(0))
+        air = ReachAir(settings, nowhere, CARS[:2], np.random.default_rng(0))
         units = RadioUnits(air, RigRecorder())
         units.add_in_process("ben", heard.append)
         async with asyncio.timeout(5.0):
@@ -147,7 +155,7 @@ def test_a_missing_daemon_does_not_disturb_others() -> None:
     async def talk() -> int:
         recorder = RigRecorder()
         air = ReachAir(
-            ReachSettings(neighbours={"ann": ("ben",)}), dict, CARS, np.random.default_rng(0)
+            ReachSettings(neighbours={"ann": ("ben",)}), nowhere, CARS, np.random.default_rng(0)
         )
         units = RadioUnits(air, recorder)
         unit_port = free_port()

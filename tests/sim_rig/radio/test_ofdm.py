@@ -38,7 +38,7 @@ def test_noise_in_10_mhz_with_a_figure_of_7_db_is_97_dbm() -> None:
 
 def survives(data_rate_mbit_s: int, sinr: np.ndarray, duration_s: float) -> np.ndarray:
     log = SurvivalInNoise(data_rate_mbit_s).log_survival(sinr[None], [False], [duration_s])
-    return np.exp(log[0])
+    return np.asarray(np.exp(log[0]))
 
 
 @pytest.mark.parametrize("data_rate_mbit_s", [3, 6, 9, 12, 18, 24, 27])

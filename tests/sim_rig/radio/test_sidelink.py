@@ -87,21 +87,21 @@ def test_a_message_larger_than_all_subchannels_has_all_of_them() -> None:
     assert channel.airtime_s == pytest.approx(SUBFRAME_S)
 
 
-def alone(distance_m):
+def alone(distance_m: float) -> float:
     """Return the delivery ratio without other messages, by integration."""
     mean_dbm = 20.0 - float(WINNER.loss_db(np.array([distance_m]))[0])
 
-    def decoded(power_dbm):
+    def decoded(power_dbm: float) -> float:
         density = stats.norm.pdf(power_dbm, mean_dbm, 3.0)
-        return density * (1.0 - float(error_rate(np.array([power_dbm - NOISE_DBM]))[0]))
+        return float(density * (1.0 - error_rate(np.array([power_dbm - NOISE_DBM]))[0]))
 
     share, _ = integrate.quad(decoded, -90.5, mean_dbm + 30.0, limit=200)
-    return share
+    return float(share)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("distance_m", [100.0, 300.0, 400.0, 450.0])
-def test_without_others_delivery_is_that_of_power_and_errors(distance_m) -> None:
+def test_without_others_delivery_is_that_of_power_and_errors(distance_m: float) -> None:
     channel = opened(PUBLISHED, np.array([0.0, distance_m]))
     for number in range(2000):
         channel.receive_frame(0, 150, EVENT, number * 0.03)
@@ -124,7 +124,7 @@ def test_on_a_road_delivery_is_near_that_of_the_published_model() -> None:
     ):
         channel.receive_frame(station, 190, BSM, now)
     channel.handle_timer(1e3)
-    delivered = {distance_m: [] for distance_m in PUBLISHED_PDR}
+    delivered: dict[float, list[bool]] = {distance_m: [] for distance_m in PUBLISHED_PDR}
     for each in receptions(channel):
         if each.queued_s < 3.0 or not 500.0 < along_m[each.sender] < 1100.0:
             continue

@@ -11,7 +11,8 @@ INK = (20, 20, 20)
 
 def reach(outlines: tuple[Outline, ...]) -> np.ndarray:
     """Farthest from (0, 0) to the side and up or down."""
-    return np.abs([point for outline in outlines for point in outline.points_mm]).max(axis=0)
+    points = [point for outline in outlines for point in outline.points_mm]
+    return np.asarray(np.abs(points).max(axis=0))
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -125,10 +125,10 @@ def test_every_light_shows_the_plate(light: Light) -> None:
 
 def test_noise_changes_with_the_generator_only() -> None:
     picture, scene = CameraRenderer(LEVEL), Scene((SceneCar(10.0, plate="ABC1234"),))
-    same = [picture.draw(scene, np.random.default_rng(5)) for _ in range(2)]
+    first, again = (picture.draw(scene, np.random.default_rng(5)) for _ in range(2))
     other = picture.draw(scene, np.random.default_rng(6))
-    assert np.array_equal(*same)
-    assert not np.array_equal(same[0], other)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
 
 
 @pytest.mark.parametrize("ahead_m", [-5.0, 0.0, 0.5, 1.5, 1000.0])

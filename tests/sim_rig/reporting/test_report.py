@@ -43,7 +43,7 @@ def test_events_before_zero_are_explained() -> None:
 
 
 def test_one_braking_is_one_row_of_warnings_whatever_changes_it() -> None:
-    brake = {"kind": "hard_brake", "cause": "deceleration"}
+    brake: dict[str, object] = {"kind": "hard_brake", "cause": "deceleration"}
     report = report_of(
         *(
             brake | {"stamp_s": at_s, "deceleration_m_s2": level_m_s2, "is_over": level_m_s2 == 0.0}

@@ -11,19 +11,22 @@ from onboard.messages import map_data, spat
 from onboard.messages.spat import MovementPhaseState
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
+from onboard.security.ieee1609dot2 import SignedData
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
-from sim_rig.radio.air import Delivery
-from sim_rig.radio.reach import ReachAir
-from sim_rig.road_side.road_side_unit import NAME, RoadSideUnit, open_channel
+from sim_rig.radio.air import Air, Delivery
+from sim_rig.road_side.road_side_unit import NAME, open_channel
 from sim_rig.road_side.signal_controller import Shown, shown
 from sim_rig.road_side.signal_messages import map_message, spat_message
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.roads.earth import ORIGIN
 from sim_rig.scenario.schema import Scenario, load_scenario
+from sim_rig.scenario.signal_settings import SignalSettings
+from tests.messages.crossing_messages import intersections_of
+from tests.typed import a
 
 SCENARIO = load_scenario("signal")
-SETTINGS = SCENARIO.signal
+SETTINGS = a(SignalSettings, SCENARIO.signal)
 GREEN = MovementPhaseState.PROTECTED_MOVEMENT_ALLOWED
 YELLOW = MovementPhaseState.PROTECTED_CLEARANCE
 RED = MovementPhaseState.STOP_AND_REMAIN
@@ -47,9 +50,9 @@ def test_the_controller_repeats_its_cycle(at_s: float, avenue: Shown, street: Sh
 
 def test_the_map_has_the_lanes_of_the_scenario_s_roads() -> None:
     message = map_data.decode(map_data.encode(map_message(SCENARIO, SETTINGS)))
-    (geometry,) = message.intersections
+    (geometry,) = intersections_of(message)
     avenue, street = approach_lanes(geometry, ORIGIN)
-    assert (avenue.signal_groups, street.signal_groups) == ({1}, {2})
+    assert (avenue.signal_groups, street.signal_groups) == (frozenset({1}), frozenset({2}))
     assert avenue.points_m[0] == pytest.approx((0.0, -8.0), abs=0.02)
     assert avenue.points_m[-1] == pytest.approx((0.0, -208.0), abs=0.02)
     assert street.points_m[0] == pytest.approx((-8.0, 0.0), abs=0.02)
@@ -71,9 +74,7 @@ def test_a_receiver_reads_what_the_controller_shows(at_s: float) -> None:
             assert phase.max_left_s == phase.min_left_s
 
 
-def channel(
-    scenario: Scenario, credentials: dict[str, Credentials] | None = None
-) -> ReachAir | RoadSideUnit:
+def channel(scenario: Scenario, credentials: dict[str, Credentials] | None = None) -> Air:
     return open_channel(
         scenario,
         BreakpointRoad(scenario).cars_at,
@@ -119,9 +120,10 @@ def test_the_unit_signs_with_its_own_certificate() -> None:
         p256.key_from(np.random.default_rng(1)),
         road_side_units=[NAME],
     )
-    signed = [ieee1609dot2.decode(wsmp.decode(each.wsm).payload) for each in deliveries(0.5, trial)]
+    payloads = [wsmp.decode(each.wsm).payload for each in deliveries(0.5, trial)]
+    signers = [a(SignedData, ieee1609dot2.decode(each)).signer for each in payloads]
     (own,) = trial[NAME].pseudonyms
-    assert {each.signer[0].hashed_id8 for each in signed} == {own.certificate.hashed_id8}
+    assert {a(tuple, each)[0].hashed_id8 for each in signers} == {own.certificate.hashed_id8}
     permitted = {each.psid for each in own.certificate.subject.permissions}
     assert permitted == psid.OF_ROAD_SIDE_UNITS
 

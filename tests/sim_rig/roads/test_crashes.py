@@ -18,13 +18,17 @@ def two_cars(at_s: float, places: np.ndarray, headings: np.ndarray, sizes: np.nd
 
 def overlap(cars: Cars) -> bool:
     """By OpenCV, in a scale in which its single precision does not matter."""
-    boxes = [
-        (tuple(map(float, place)), (float(length), float(width)), float(np.degrees(heading)))
+    one, other = (
+        (
+            (float(place[0]), float(place[1])),
+            (float(length), float(width)),
+            float(np.degrees(heading)),
+        )
         for place, length, width, heading in zip(
             cars.middle_m, cars.length_m, cars.width_m, cars.heading_rad, strict=True
         )
-    ]
-    kind, _ = cv2.rotatedRectangleIntersection(*boxes)
+    )
+    kind, _ = cv2.rotatedRectangleIntersection(one, other)
     return kind != cv2.INTERSECT_NONE
 
 

@@ -127,7 +127,7 @@ def busy() -> RecordedTraffic:
 
 @pytest.mark.long
 def test_events_are_where_a_collision_is_possible(busy: RecordedTraffic) -> None:
-    events = TrafficEvents(busy, has_lights=True)
+    events, found = TrafficEvents(busy, has_lights=True), []
     for kind in TrafficEventKind:
         found, again = (events.situations(kind, np.random.default_rng(5)) for _ in range(2))
         assert found == again

@@ -98,7 +98,8 @@ def test_the_seed_determines_cars_and_departures() -> None:
         traffic = open_traffic("sumo-highway", np.random.default_rng(seed))
         assert isinstance(traffic, SumoTraffic)
         with traffic:
-            return traffic.cars_at(12.05).middle_m.tolist()
+            found: list[list[float]] = traffic.cars_at(12.05).middle_m.tolist()
+        return found
 
     assert len(first_cars(1)) > 5
     assert first_cars(1) == first_cars(1)
@@ -108,7 +109,8 @@ def test_the_seed_determines_cars_and_departures() -> None:
 def test_threads_of_one_process_run_their_simulations_in_turn() -> None:
     def middles(seed: int) -> list[list[float]]:
         with SumoTraffic(NETWORKS / "highway.sumocfg", seed) as traffic:
-            return traffic.cars_at(12.0).middle_m.tolist()
+            found: list[list[float]] = traffic.cars_at(12.0).middle_m.tolist()
+        return found
 
     with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(middles, (1, 2, 3))) == [middles(seed) for seed in (1, 2, 3)]

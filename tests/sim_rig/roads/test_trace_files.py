@@ -25,7 +25,7 @@ def test_a_node_drives_to_its_destination_and_waits_for_the_next_command(tmp_pat
     places = [recording.cars_at(at_s).middle_m.tolist() for at_s in (0.5, 1.0, 2.05, 4.0, 7.0)]
 
     assert places[0] == []
-    assert np.allclose(places[1:], [[[10, 5]], [[20.5, 5]], [[30, 5]], [[30, 15]]])
+    assert np.ravel(places[1:]) == pytest.approx([10, 5, 20.5, 5, 30, 5, 30, 15])
     assert recording.cars_at(4.0).speed_m_s == pytest.approx(0.0)
     assert recording.cars_at(4.0).heading_rad == pytest.approx(0.0)
     assert recording.cars_at(7.0).heading_rad == pytest.approx(np.pi / 2)

@@ -40,6 +40,7 @@ from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import EcuSettings
 from sim_rig.studies.faults.fault_cases import CASES, FaultCase
 from sim_rig.studies.faults.faults_study import outcome_of, scenario_of
+from tests.typed import a
 
 SPEED_M_S = 20.0
 SPEED_REQUEST = CanFrame(0.0, 0x7DF, is_extended_id=False, data=b"\x02\x01\x0d".ljust(8, b"\0"))
@@ -293,7 +294,7 @@ def test_a_ghost_car_drives_ahead_brakes_plausibly_and_reports_it() -> None:
     ghost = [message for message in decoded if message.core.temporary_id == GHOST_ID]
     assert len(ghost) == pytest.approx(80, abs=2)
     assert ghost[0].core.latitude_deg == pytest.approx(25.0 + 30.0 / 111_320.0, abs=1e-6)
-    speeds_m_s = [message.core.speed_m_s for message in ghost]
+    speeds_m_s = [a(float, message.core.speed_m_s) for message in ghost]
     assert min(speeds_m_s) < 4.0
     assert all(abs(later - sooner) <= 0.7 for sooner, later in pairwise(speeds_m_s))
     braking = [m for m in ghost if m.safety and m.safety.events == VehicleEventFlags.HARD_BRAKING]

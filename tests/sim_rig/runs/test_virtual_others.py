@@ -13,7 +13,9 @@ from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.runs.virtual_others import VirtualOthers
+from sim_rig.scenario.radio_settings import ReachSettings
 from sim_rig.scenario.schema import Scenario, load_scenario
+from tests.typed import a
 
 
 @pytest.fixture
@@ -33,7 +35,8 @@ def test_a_car_drives_by_its_timers_also_while_frames_arrive_without_a_pause(
     recorder, lateness, sent = RigRecorder(), Lateness(), list[bytes]()
 
     async def drive() -> VirtualOthers:
-        air = ReachAir(scenario.radio, dict, scenario.equipped, np.random.default_rng(0))
+        radio = a(ReachSettings, scenario.radio)
+        air = ReachAir(radio, lambda _now: {}, scenario.equipped, np.random.default_rng(0))
         units = RadioUnits(air, recorder)
         units.add_in_process("red", sent.append)
         others = VirtualOthers(scenario, BreakpointRoad(scenario), ["green"], units)

@@ -8,6 +8,7 @@ from onboard.errors import UserError
 from sim_rig.studies.alarms.following_alarms_study import STUDY, FollowingSettings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
+from tests.typed import every
 
 
 def recording(folder: Path) -> Path:
@@ -36,7 +37,7 @@ def test_steady_following_raises_no_alarm_and_braking_does(tmp_path: Path) -> No
 
     assert row.hours == pytest.approx(2 * 6.0 / 3600.0)
     assert (row.false, row.true) == (0, 0)
-    assert all(0.0 < delay_s < 1.0 for delay_s in row.delays_s)
+    assert all(0.0 < delay_s < 1.0 for delay_s in every(float, row.delays_s))
     assert row == STUDY.one(settings, 0)
 
 

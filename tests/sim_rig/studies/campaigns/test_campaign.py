@@ -198,7 +198,7 @@ def test_workers_that_always_fail_are_an_error(tmp_path: Path) -> None:
 @contextmanager
 def cluster_of_two(folder: Path) -> Iterator[Workers]:
     """A Dask scheduler and two workers on this machine."""
-    with LocalCluster(
+    with LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=2,
         threads_per_worker=1,
         host="127.0.0.1",

@@ -44,7 +44,8 @@ def test_events_of_one_cluster_count_as_one() -> None:
 
     seven = cluster_interval(range(7), avoided, [1.0] * 7)
 
-    assert cluster_interval(*zip(*many, strict=True), [1.0] * len(many)) == pytest.approx(seven)
+    pairs, outcomes = zip(*many, strict=True)
+    assert cluster_interval(pairs, outcomes, [1.0] * len(many)) == pytest.approx(seven)
 
 
 @pytest.mark.parametrize("wholes", [[2.0, 1.0, 0.0], [0.0, 0.0, 0.0]])

@@ -72,7 +72,8 @@ def test_a_crash_is_an_overlap_of_the_cars() -> None:
     approaches = simulate_approaches(traffic, np.random.default_rng(3))
     half_m = (traffic.length_m + traffic.width_m) / 2
 
-    overlap = (np.abs(approaches.distance_m) < half_m).all(axis=2).any(axis=1)
+    near = np.abs(approaches.distance_m) < half_m
+    overlap = np.any(np.all(near, axis=2), axis=1)
 
     crashed = approaches.outcome == ApproachOutcome.CRASH
     assert crashed[overlap].all()

@@ -138,7 +138,7 @@ def test_each_way_in_which_the_two_cars_have_radios_counts_with_its_probability(
 
     assert [row.probability for row in none] == [1.0, 0.0, 0.0, 0.0]
     assert [row.probability for row in crash] == pytest.approx([0.64, 0.16, 0.16, 0.04])
-    assert [row.outcome for row in crash].count("no_radio") == 1
+    assert [row.outcome for row in crash].count(CrashOutcome.NO_RADIO) == 1
     assert len({row.pair for row in crash}) == 1
     assert [isinstance(row, SimulatedRun) for row in [*crash, *none]] == [True] * 5 + [False] * 3
 
@@ -250,7 +250,8 @@ def test_a_warning_at_the_onset_reaches_those_who_can_act(
     crash = lane.run(EncounterCase(brake, Method.NONE, 0.0), seed=1).crash
     assert crash is not None
     radios = {"car0": True, "car1": follower_has_radio}
-    pair_radios = tuple(radios[name] for name in crash.names)
+    first, second = crash.names
+    pair_radios = radios[first], radios[second]
 
     onset = lane.run(EncounterCase(brake, Method.ONSET, 1.0, pair_radios=pair_radios), seed=1)
 

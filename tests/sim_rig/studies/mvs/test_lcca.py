@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.kinematics.units import KM_H
 from onboard.lcca.events import WarningOver, WarningRaised
@@ -14,8 +15,9 @@ from sim_rig.roads.cars import Cars, Traffic
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.scenario.sensor_settings import LensSettings
+from sim_rig.studies.lcca.study_lcca import GroupWarning
 from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSettings, Method
-from sim_rig.studies.mvs.lcca import FORMING_S, GroupWarning, LccaFleet
+from sim_rig.studies.mvs.lcca import FORMING_S, LccaFleet
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.radio.lossy_reach import LossyReach
@@ -29,6 +31,7 @@ BEGIN_S = FORMING_S
 class Lane(Traffic):
     """Three cars behind each other, north-east, and one in the next lane beside the second."""
 
+    @override
     def cars_at(self, at_s: float) -> Cars:
         along_m = SPEED_M_S * at_s - HEADWAY_M * np.array([0.0, 1.0, 2.0, 1.0])
         left_m = np.array([0.0, 0.0, 0.0, 3.5])

@@ -15,6 +15,7 @@ from onboard.observations import HardBrake, Speed
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_state import HostState
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
+from tests.typed import a
 
 SPEED_M_S, BRAKING_M_S2 = 20.0, 6.0
 
@@ -49,7 +50,7 @@ def test_hard_braking_is_flagged_once_the_bus_shows_it(
     for tick in range(20):
         now = tick * TICK_S
         message = car.bsm(car.bus.sample(SPEED_M_S - BRAKING_M_S2 * now, now), now)
-        accelerations_m_s2.append(message.core.acceleration.longitudinal_m_s2)
+        accelerations_m_s2.append(a(float, message.core.acceleration.longitudinal_m_s2))
         events = message.safety.events if message.safety else None
         flagged.append(events is not None and VehicleEventFlags.HARD_BRAKING in events)
 

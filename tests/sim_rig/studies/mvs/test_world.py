@@ -14,6 +14,7 @@ from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.roads import SixLaneRoad
 from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld, WorldSettings
+from tests.typed import a
 
 SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0))
 
@@ -165,5 +166,6 @@ def test_receivers_get_the_bsms_of_their_neighbours() -> None:
             car = cars.names.index(name)
             assert each.core.size.length_m == round(float(cars.length_m[car]), 2)
             assert each.core.speed_m_s == pytest.approx(cars.speed_m_s[car], abs=1.0)
-            ahead = math.sin(each.core.heading_rad), math.cos(each.core.heading_rad)
+            heading_rad = a(float, each.core.heading_rad)
+            ahead = math.sin(heading_rad), math.cos(heading_rad)
             assert ahead == pytest.approx(cars.ahead[car], abs=0.1)

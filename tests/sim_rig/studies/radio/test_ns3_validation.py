@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from sim_rig.cli import app
 from sim_rig.propagation.path_loss import DualSlope, LogDistance, TwoRay
 from sim_rig.radio.channel import Channel
+from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.study import columns
 from sim_rig.studies.radio.radio_study import (
@@ -20,6 +21,7 @@ from sim_rig.studies.radio.radio_study import (
     parse_loss,
     table,
 )
+from tests.typed import a
 
 SEEDS = 4
 """Few, so that it is quick; `sim-rig study radio` takes more."""
@@ -169,7 +171,7 @@ def test_the_link_without_interference_agrees_with_ns3(
     """One car sends, hundred listen: every 10 m, within five standard errors of both."""
     frames = 500
     settings = RadioSettings(cars=101, fading=fading)
-    channel = Channel(settings.channel, 101, np.random.default_rng(3))
+    channel = Channel(a(CsmaSettings, settings.channel), 101, np.random.default_rng(3))
     along_m = 10.0 * np.arange(101)
     channel.receive_positions(np.column_stack([along_m, np.zeros(101)]))
     received = np.zeros(101)

@@ -24,7 +24,7 @@ def test_delay_is_the_shortest_path_of_radio_and_reactions() -> None:
     cars = 8
     slots = rng.uniform(50.0, 20_000.0, len(lane_links(cars).sender))
     reaction_s = rng.uniform(0.3, 2.0, cars)
-    graph = nx.DiGraph()
+    graph: nx.DiGraph[int] = nx.DiGraph()
     for (sender, receiver), count in zip(zip(*lane_links(cars), strict=True), slots, strict=True):
         after_s = 0.0 if sender == 0 else reaction_s[sender]
         graph.add_edge(int(sender), int(receiver), weight=after_s + SLOT_S * count)

@@ -32,10 +32,12 @@ from sim_rig.studies.rakhshan.rakhshan_readings_study import (
     STUDY,
     ReadingRow,
     ReadingsSettings,
+    RepeatedRow,
     has_papers_optimum,
     has_papers_reduction,
     reading,
 )
+from tests.typed import a
 
 FEW = ReadingsSettings(runs=4, drops=6, repeated=1, repeated_drops=6, access=(0.01, 0.05))
 
@@ -80,11 +82,11 @@ def test_labels_that_are_renewed_change_the_delay() -> None:
     once = settings.model_copy(update={"iteration_s": 1000.0})
     interference = road_interference(settings, drops)
 
-    delays_s = [
+    often_s, once_s = (
         iterated_delay_s(each, drops, interference, (0.01, 0.1)) for each in (settings, once)
-    ]
+    )
 
-    assert not np.allclose(*delays_s)
+    assert not np.allclose(often_s, once_s)
 
 
 def test_iterations_without_a_length_are_an_error() -> None:
@@ -96,8 +98,9 @@ def test_iterations_without_a_length_are_an_error() -> None:
 
 def test_who_knows_the_reaction_time_labels_those_that_collide() -> None:
     """Without radio, and with one deceleration for all: late is who reacts after the headway."""
-    alike = {"deceleration_low_m_s2": 5.0, "deceleration_high_m_s2": 5.0}
-    _, drops = drawn(labels=Labels.KNOWN_REACTION, **alike)
+    _, drops = drawn(
+        labels=Labels.KNOWN_REACTION, deceleration_low_m_s2=5.0, deceleration_high_m_s2=5.0
+    )
 
     assert np.array_equal(drops.unsafe[..., 1:], drops.reaction_s[..., 1:] > drops.lag_s[..., 1:])
 
@@ -198,9 +201,9 @@ def test_one_command_writes_readings_repeated_ones_and_a_figure(tmp_path: Path) 
     assert float(table[3]["reduction"]) == pytest.approx(STUDY.one(FEW, 3).reduction, abs=1e-5)
     repeated = read_table(tmp_path / "repeated/table.csv")
     assert len(repeated) == 2
-    number = int(repeated[0]["reading"])
+    again = a(RepeatedRow, REPEATED.one(FEW, int(repeated[0]["reading"])))
     assert float(repeated[0]["reduction_at_random"]) == pytest.approx(
-        REPEATED.one(FEW, number).reduction_at_random, abs=1e-5
+        again.reduction_at_random, abs=1e-5
     )
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert summary.count("of 2 readings") == 2

@@ -31,7 +31,7 @@ def received(sender: int, receiver: int, *, slots: int = SLOTS, seed: int = 1) -
     distance_m[receiver] = np.inf
     power = fading * distance_m**-CHANNEL.path_loss_exponent
     interference = np.sum(np.where(sends, power, 0.0), axis=1)
-    return power[:, sender] > CHANNEL.threshold * interference
+    return np.asarray(power[:, sender] > CHANNEL.threshold * interference)
 
 
 @pytest.mark.parametrize("link", range(4))
