@@ -1,7 +1,8 @@
 """Input and output values of the identification of the lead, and of the warning group."""
 
+from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
@@ -45,18 +46,19 @@ class TrackedLead:
         """
         if lead.track_id is None or lead.gap_m is None:
             return None
-        candidates: dict[CarId, CandidateCar] = {}
+        texts: dict[CarId, str] = {}
+        probabilities: defaultdict[CarId, float] = defaultdict(float)
         for each in lead.candidates:  # look-alike texts have one ID
             car_id = car_id_of(each.text)
-            alike = candidates.get(car_id, CandidateCar(each.text, car_id, 0.0))
-            candidates[car_id] = replace(alike, probability=alike.probability + each.probability)
+            texts.setdefault(car_id, each.text)
+            probabilities[car_id] += each.probability
         return cls(
             lead.stamp_s,
             lead.track_id,
             lead.gap_m,
             lead.closing_speed_m_s,
             lead.closing_speed_sigma_m_s,
-            tuple(candidates.values()),
+            tuple(CandidateCar(texts[each], each, p) for each, p in probabilities.items()),
         )
 
 

@@ -97,6 +97,7 @@ def _not_derived(_plate: str, _epoch: int) -> list[bytes]:
     return []
 
 
+@lru_cache(maxsize=_CACHE_SIZE)
 def normalised(plate_text: str) -> str:
     """Return the plate as it is digested: upper case, letters and digits only, O as 0, I as 1.
 

@@ -162,14 +162,11 @@ class LccaApplication:
 
     def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
         """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
-        lead_text, utc_s = self._lead_text, self._utc_s(now)
-        return [
-            *(
-                self._epoch_ids.to_send(message, lead_text, utc_s)
-                for message in self.group.messages_to_send(now)
-            ),
-            *self.identification.messages_to_send(),
+        messages: list[lcca.LccaMessage] = [
+            self._epoch_ids.to_send(message, self._lead_text, self._utc_s(now))
+            for message in self.group.messages_to_send(now)
         ]
+        return messages + self.identification.messages_to_send()
 
     def _taken(self) -> Iterator[Event]:
         while self._events:

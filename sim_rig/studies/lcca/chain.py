@@ -22,6 +22,7 @@ from onboard.lcca.settings import LccaSettings
 from onboard.messages.lcca import Warn
 from onboard.observations import HardBrake, Speed
 from onboard.settings import Settings
+from onboard.vehicle.lcca_application import LccaApplication
 from sim_rig.cars.camera_view import FPS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import SceneCar
@@ -36,7 +37,13 @@ from sim_rig.studies.lcca.platoon_sight import (
     MeasuredSight,
     Sight,
 )
-from sim_rig.studies.lcca.study_lcca import car_id_of, handle_timers, study_lcca, take_warnings
+from sim_rig.studies.lcca.study_lcca import (
+    car_id_of,
+    handle_timers,
+    study_lcca,
+    take_warnings,
+    timer_of,
+)
 from sim_rig.studies.radio.lossy_reach import LossyReach
 
 _STEP_S = 0.01
@@ -157,6 +164,8 @@ class Platoon:
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
         self._braking_detected: set[int] = set()
+        self._acts_at = dict.fromkeys(self._lcca, -math.inf)
+        """When each car's cores are next to be asked: at once after all that they are given."""
         self.followers = sum(car - 1 in self._lcca for car in self._sights)
         """Cars with a radio behind a car with a radio."""
         self.known = self.wrongly_known = 0
@@ -181,8 +190,10 @@ class Platoon:
             self._look(now)
             self._deliver(now)
             for car, lcca in self._lcca.items():
-                handle_timers(lcca, now)
-                self._send(car, now)
+                if self._acts_at[car] <= now:
+                    handle_timers(lcca, now)
+                    self._send(car, now)
+                    self._acts_at[car] = timer_of(lcca)
 
     def crashes(self) -> int:
         """Number of cars that hit their lead."""
@@ -215,7 +226,7 @@ class Platoon:
             self.events += 1
             self.flooding_messages += self._lossy_channel.reached_by_flooding(car)
             brake = HardBrake(now, float(self._decelerations_m_s2[car]), "study")
-            self._lcca[car].receive_hard_brake(brake, now)
+            self._awake(car).receive_hard_brake(brake, now)
 
     def _sight(self, car: int, sight: Sight, seed: int) -> AssumedSight | MeasuredSight:
         rng = np.random.default_rng([seed, car, 3])
@@ -229,13 +240,16 @@ class Platoon:
 
     def _measure_speeds(self, now: float) -> None:
         """Report the initial speeds; later ones, as later gaps, do not influence the result."""
-        for car, lcca in self._lcca.items():
-            lcca.receive_speed(Speed(now, float(self._measured_m_s[car]), KM_H, "study"), now)
+        for car in self._lcca:
+            self._awake(car).receive_speed(
+                Speed(now, float(self._measured_m_s[car]), KM_H, "study"), now
+            )
 
     def _look(self, now: float) -> None:
-        for sight in self._sights.values():
+        for car, sight in self._sights.items():
             if sight.get_timer() <= now:
                 sight.look(now)
+                self._awake(car)
 
     def _count_known(self) -> None:
         leads = {car: self._sights[car].lead_id for car in self._sights}
@@ -245,6 +259,11 @@ class Platoon:
         self.wrongly_known = sum(
             each not in (None, self._ids[car - 1]) for car, each in leads.items()
         )
+
+    def _awake(self, car: int) -> LccaApplication:
+        """Return the cores of a car, which are given something and asked in this step."""
+        self._acts_at[car] = -math.inf
+        return self._lcca[car]
 
     def _send(self, car: int, now: float) -> None:
         for warning in take_warnings(self._lcca[car], now):
@@ -257,12 +276,12 @@ class Platoon:
     def _deliver(self, now: float) -> None:
         for message, receivers in list(self._channel.received(now)):
             for car in receivers:
-                self._lcca[car].receive_message(message, None, now, now)
+                self._awake(car).receive_message(message, None, now, now)
                 self._send(car, now)
         for sender, receivers in self._channel.bsms_received(now):
             temporary_id, speed_m_s = _temporary_id(sender), float(self._measured_m_s[sender])
             for car in receivers:
-                self._lcca[car].identification.receive_speed_on_air(
+                self._awake(car).identification.receive_speed_on_air(
                     temporary_id, temporary_id, speed_m_s, now
                 )
 

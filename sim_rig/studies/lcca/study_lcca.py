@@ -51,6 +51,11 @@ def study_lcca(
     )
 
 
+def timer_of(lcca: LccaApplication) -> float:
+    """Return when `handle_timers` is next due."""
+    return min(core.get_timer() for core in lcca.cores)
+
+
 def handle_timers(lcca: LccaApplication, now: float) -> None:
     """Handle the timers that are due."""
     for core in lcca.cores:
