@@ -15,7 +15,7 @@ from sim_rig.studies.mvs.outcomes import CrashOutcome
 
 @dataclass(frozen=True, slots=True)
 class CollisionLine:
-    """One line of the table: a case and its results."""
+    """One line of the table: a case and its results; times are medians."""
 
     kind: str
     method: str
@@ -24,33 +24,42 @@ class CollisionLine:
     loss: float
     events: int
     pairs: int
+    """Distinct pairs of vehicles that crash in these events without radios."""
     angle_p10_deg: float
     angle_p50_deg: float
     angle_p90_deg: float
+    """Percentiles of the angle between their headings."""
     p_collision: float
+    """Share of the events with any crash; intervals are between pairs."""
     low_95: float
     high_95: float
     reduction: float
+    """Fewer crashes than without radios, expected over the radios of the two vehicles."""
     reduction_low_95: float
     reduction_high_95: float
     avoidable: float
+    """The most that any system can avoid: a driver who can act has a radio."""
     avoided: float
     caused: float
     warning_after_s: float
     false_warnings_per_h: float
     known_before_s: float
+    """Before the crash, for a driver who can act, as the next one."""
     warned_before_s: float
     paper_alarm_p_collision: float
+    """With the paper's alarm, as all that begin so."""
     paper_alarm_avoided: float
     paper_alarm_before_s: float
     paper_alarm_false_per_h: float
     outcome_no_radio: float
+    """Of the crashes without radios (`CrashOutcome`), as all that begin so."""
     outcome_unknown: float
     outcome_unwarned: float
     outcome_too_late: float
     outcome_another: float
     outcome_avoided: float
     two_cars_p_collision: float
+    """For the two vehicles of the event alone, as the next one."""
     two_cars_reduction: float
     paper_alarm_two_cars_reduction: float
 
