@@ -74,6 +74,8 @@ class ForwardCollisionWarning(Application):
             or Confirmation(0.0 if vehicle.is_filtered else CONFIRM_S)
             for vehicle in vehicles
         }
+        if not vehicles:
+            return []
         settings = for_driver(self._settings.fcw, situation.reaction_s)
         braking_m_s2 = situation.host.braking_m_s2(situation.now)
         return [

@@ -6,7 +6,6 @@ and holds the alarms. It knows the applications by their shape alone (`alarm_tab
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -128,9 +127,7 @@ class RiskMonitor(Core):
         self._bsm_data.drop_old(now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
         self._follow([] if own is None else [*others, own], now)
-        situation = replace(
-            self._situation(now), own=own, others=others, heading=heading, red_light_m=red_light_m
-        )
+        situation = self._situation(now, own, others, heading, red_light_m)
         for kind in self._kinds:
             self._judge(kind, kind.application.assess(situation), now)
 
@@ -139,8 +136,15 @@ class RiskMonitor(Core):
         """Return the oldest event not yet taken."""
         return self._events.popleft() if self._events else None
 
-    def _situation(self, now: float) -> Situation:
-        """Return what is known between assessments: no positions."""
+    def _situation(
+        self,
+        now: float,
+        own: PerceivedObject | None = None,
+        others: Sequence[PerceivedObject] = (),
+        heading: Heading | None = None,
+        red_light_m: RedLight = no_red_light,
+    ) -> Situation:
+        """Return the situation; between assessments no positions are known."""
         return Situation(
             now,
             self.host,
@@ -149,6 +153,10 @@ class RiskMonitor(Core):
             self._bsm_data,
             self._path,
             self._reaction_s,
+            own,
+            others,
+            heading,
+            red_light_m,
         )
 
     def _follow(self, objects: Sequence[PerceivedObject], now: float) -> None:

@@ -49,7 +49,9 @@ class VehicleAlarms:
         Yields:
             The alarms whose level changes, the most urgent first.
         """
-        raised = (each for each in kept if each.level is not Level.NONE)
+        raised = [each for each in kept if each.level is not Level.NONE]
+        if not raised and not self._of:
+            return
         worst = nlargest(MOST_VEHICLES, raised, key=attrgetter("urgency"))
         present = {each.vehicle: each for each in worst}
         for vehicle in [*present, *(name for name in self._of if name not in present)]:
