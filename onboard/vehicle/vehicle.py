@@ -2,6 +2,17 @@
 
 A `Vehicle` is given observations and decoded messages, and puts out messages to send and events.
 It knows no bytes, frames or signatures; `Stack` has these. Studies drive it too.
+
+A message from the air has passed the radio's `WaveLink`, which opens what is signed, and `Stack`,
+which decodes it. `receive_message` hands it on by its kind. A BSM is first compared with earlier
+ones of its sender; then shared sensing takes position and footer, and the alarms take the rest.
+
+A picture has become observations in the camera's thread. `receive_observation` hands on what
+`HostSensors` lets pass: `HostState` keeps it for whoever asks later, and those who need every
+sample are given it. An alarm that takes observations as they arrive assesses the danger at once.
+
+Ten times a second `Surroundings` updates the tracks, and gives alarms, intersections and
+identification where the vehicles are.
 """
 
 from collections import deque
@@ -34,17 +45,12 @@ from onboard.sensors.host_sensors import HostSensors
 from onboard.sensors.host_state import HostState
 from onboard.step import Observation
 from onboard.trace.trace_line import Event
-from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
+from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.lcca_application import LccaApplication
 from onboard.vehicle.risk_response import RiskResponse
 from onboard.vehicle.shared_sensing import SharedSensing
-
-ASSESSMENT_INTERVAL_S = 0.1
-"""Period of the risk assessment: that of BSMs."""
-
-SURROUNDINGS_INTERVAL_S = 1.0
-"""Period at which host vehicle and perceived objects are put out as events."""
+from onboard.vehicle.surroundings import Surroundings
 
 SentMessage = BasicSafetyMessage | SensorDataSharingMessage | LccaMessage
 ReceivedMessage = SentMessage | MapData | Spat
@@ -146,8 +152,14 @@ class Vehicle(Core):
             admit=self._admit,
         )
         self._take_reaction_time()
-        self._assess_at = self._report_surroundings_at = now
-        self._surroundings: tuple[PerceivedObject | None, list[PerceivedObject]] = (None, [])
+        self._surroundings = Surroundings(
+            self._sharing.mvs,
+            self._intersections,
+            self._claims,
+            self._risk,
+            self._lcca.identification,
+            now=now,
+        )
         self._events: deque[Event] = deque()
         self._cores = tuple(self._all_cores(link))
 
@@ -186,7 +198,7 @@ class Vehicle(Core):
     @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
-        return self._surroundings
+        return self._surroundings.host_vehicle, self._surroundings.objects
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
         """Set UTC less the time of the cores, which messages and IDs need."""
@@ -205,14 +217,14 @@ class Vehicle(Core):
     @override
     def get_timer(self) -> float:
         """Return when `handle_timer` is next due."""
-        return min(self._assess_at, *(core.get_timer() for core in self._cores))
+        return min(self._surroundings.get_timer(), *(core.get_timer() for core in self._cores))
 
     @override
     def handle_timer(self, now: float) -> None:
         """Assess the risk if that is due, and handle the timers of all cores."""
         self._lcca.prepare_next_epoch(now)
-        if now >= self._assess_at:
-            self._assess(now)
+        if now >= self._surroundings.get_timer():
+            self._events.extend(self._surroundings.assess(now))
         for core in self._cores:
             core.handle_timer(now)
             self._pass_on(core, now)
@@ -353,36 +365,6 @@ class Vehicle(Core):
         return messages
 
     # ---- between the cores ----------------------------------------------------------------
-
-    def _assess(self, now: float) -> None:
-        """Assess the risk from the current states of all vehicles."""
-        self._assess_at = now + ASSESSMENT_INTERVAL_S
-        mvs = self._sharing.mvs
-        mvs.update(now)
-        host_vehicle, perceived_objects = mvs.host_vehicle(now), mvs.kinematic_info(now)
-        self._surroundings = (host_vehicle, perceived_objects)
-        self._intersections.receive_host_vehicle(host_vehicle, mvs.frame, now)
-        red_light_m = self._intersections.red_light_m
-        heading = mvs.heading(now)
-        if self._claims is not None:
-            perceived_objects = self._claims.alarming(perceived_objects, now)
-        self._risk.assess(
-            host_vehicle,
-            perceived_objects,
-            now,
-            heading=heading,
-            sensed=mvs.sensed_objects(now),
-            red_light_m=red_light_m,
-        )
-        self._lcca.identification.receive_offsets(
-            {}
-            if host_vehicle is None or heading is None
-            else remote_offsets_m(host_vehicle, self._surroundings[1], heading.heading_rad)
-        )
-        if now >= self._report_surroundings_at:
-            self._report_surroundings_at = now + SURROUNDINGS_INTERVAL_S
-            if host_vehicle is not None:
-                self._events.extend([host_vehicle, *self._surroundings[1]])
 
     def _admit(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         return self._claims is None or self._claims.admit(cause, assessment, now)

@@ -1,0 +1,91 @@
+"""What is around one vehicle, ten times a second: from the tracks to the alarms."""
+
+from collections.abc import Sequence
+
+from onboard.intersections.intersections import Intersections
+from onboard.lcca.identification import Identification
+from onboard.misbehaviour.alarm_claims import AlarmClaims
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.tracking.perceived_object import PerceivedObject, remote_offsets_m
+from onboard.vehicle.risk_response import RiskResponse
+
+ASSESSMENT_INTERVAL_S = 0.1
+"""Period of the risk assessment: that of BSMs."""
+
+REPORT_INTERVAL_S = 1.0
+"""Period at which host vehicle and perceived objects are put out as events."""
+
+
+class Surroundings:
+    """Gives the alarms, the intersections and the identification where the vehicles are."""
+
+    def __init__(
+        self,
+        mvs: MultiVehicleSensing,
+        intersections: Intersections,
+        claims: AlarmClaims | None,
+        risk: RiskResponse,
+        identification: Identification,
+        *,
+        now: float,
+    ) -> None:
+        """Assess first at `now`.
+
+        Args:
+            mvs: has the vehicles.
+            intersections: know which signals are red for whom.
+            claims: leave out the vehicles that only ignored signers claim; `None`: none.
+            risk: is assessed.
+            identification: compares the lead with the vehicles that send BSMs.
+            now: the present time.
+        """
+        self._mvs = mvs
+        self._intersections = intersections
+        self._claims = claims
+        self._risk = risk
+        self._identification = identification
+        self._assess_at = self._report_at = now
+        self.host_vehicle: PerceivedObject | None = None
+        """At the last assessment; `None` without a position."""
+        self.objects: list[PerceivedObject] = []
+        """All others, at the last assessment."""
+
+    def get_timer(self) -> float:
+        """Return when the next assessment is due."""
+        return self._assess_at
+
+    def assess(self, now: float) -> Sequence[PerceivedObject]:
+        """Assess the risk from the present states of all vehicles.
+
+        Returns:
+            Those to report now: the host vehicle and the others, or none.
+        """
+        self._assess_at = now + ASSESSMENT_INTERVAL_S
+        mvs = self._mvs
+        mvs.update(now)
+        self.host_vehicle, self.objects = mvs.host_vehicle(now), mvs.kinematic_info(now)
+        self._intersections.receive_host_vehicle(self.host_vehicle, mvs.frame, now)
+        alarming = self.objects
+        if self._claims is not None:
+            alarming = self._claims.alarming(self.objects, now)
+        heading = mvs.heading(now)
+        self._risk.assess(
+            self.host_vehicle,
+            alarming,
+            now,
+            heading=heading,
+            sensed=mvs.sensed_objects(now),
+            red_light_m=self._intersections.red_light_m,
+        )
+        self._identification.receive_offsets(
+            {}
+            if self.host_vehicle is None or heading is None
+            else remote_offsets_m(self.host_vehicle, self.objects, heading.heading_rad)
+        )
+        return self._to_report(now)
+
+    def _to_report(self, now: float) -> Sequence[PerceivedObject]:
+        if now < self._report_at:
+            return ()
+        self._report_at = now + REPORT_INTERVAL_S
+        return () if self.host_vehicle is None else (self.host_vehicle, *self.objects)
