@@ -134,7 +134,7 @@ SENTENCES = {
     "docs/wire.md": [
         f"PSID 0x{psid.LCCA:x} (`lcca_psid`)",
         f"0x{psid.SPAT:x}: SPAT, 0x{psid.MAP:x}: MAP; 0x{psid.SENSOR_SHARING:x}: SDSM",
-        f"Regional extension {FOOTER_REGION} of the BSM",
+        f"regional extension {FOOTER_REGION} of the BSM",
         f"EtherType 0x{ETHERTYPE:X}",
     ],
 }
