@@ -74,7 +74,7 @@ def _decode_version_3(data: bytes) -> WaveShortMessage:
 
 
 def _encode_lcca(pdu: lcca.LccaPdu) -> bytes:
-    return lcca.encode(pdu.message, pdu.proof)
+    return lcca.encode(pdu.message, pdu.proof, pdu.origin)
 
 
 _UTC_S = 1_790_000_000.0

@@ -8,7 +8,7 @@ is outdated. Sequence numbers decide nothing else, since everybody can count ahe
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
@@ -32,14 +32,23 @@ LEVEL_STEP_M_S2 = 1.0
 class _Braking:
     warn: Warn
     """The one received last."""
+    name: tuple[CarId, int]
+    """Vehicle and first sequence number under which it was raised."""
     level_m_s2: float
     """As reported last."""
     until: float
     """When it expires without another warning."""
 
+    def is_same(self, warn: Warn) -> bool:
+        """Whether the warning is of this braking: a new ID of its vehicle gives it a new name."""
+        is_renamed = warn.event_origin_id != self.warn.event_origin_id
+        return warn.first_sequence == self.warn.first_sequence or (
+            is_renamed and warn.cause is not WarnCause.OVER
+        )
+
 
 class ActiveWarnings:
-    """Brakings ahead, by the vehicle that brakes."""
+    """Brakings ahead, by the present ID of the vehicle that brakes."""
 
     def __init__(self, parameters: GroupParameters) -> None:
         self._lifetime_s = parameters.event_lifetime_s
@@ -52,33 +61,45 @@ class ActiveWarnings:
         end = self._ended.get((warn.event_origin_id, warn.first_sequence))
         return end is not None and 0 < (end - warn.event_sequence) % (1 << 16) <= OUTDATED
 
+    def rename(self, names: Mapping[CarId, CarId]) -> None:
+        """Take the new IDs of vehicles, by the old ones."""
+        self._brakings = OrderedDict(
+            (names.get(car_id, car_id), each) for car_id, each in self._brakings.items()
+        )
+
     def receive_warn(
-        self, warn: Warn, position: GroupPosition, now: float
+        self, warn: Warn, car_id: CarId, position: GroupPosition, now: float
     ) -> Iterator[WarningRaised | WarningLevel | WarningOver]:
-        """Take an accepted warning; yields what it changes."""
-        origin_id = warn.event_origin_id
-        known = self._brakings.get(origin_id)
-        is_same = known is not None and known.warn.first_sequence == warn.first_sequence
+        """Take an accepted warning; yields what it changes.
+
+        Args:
+            warn: the warning.
+            car_id: present ID of the vehicle that brakes.
+            position: the own one.
+            now: seconds on the cores' clock.
+        """
+        known = self._brakings.get(car_id)
+        is_same = known is not None and known.is_same(warn)
         is_over = warn.cause is WarnCause.OVER
         if is_over:
-            self._ended[origin_id, warn.first_sequence] = warn.event_sequence
+            self._ended[warn.event_origin_id, warn.first_sequence] = warn.event_sequence
             if len(self._ended) > MAX_BRAKINGS:
                 self._ended.popitem(last=False)
         if known is not None and is_over == is_same:
-            yield self._end(origin_id, "over", now)
+            yield self._end(car_id, "over", now)
         if not is_over:
-            yield from self._raise_or_change(warn, position, now)
+            yield from self._raise_or_change(warn, car_id, position, now)
 
     def _raise_or_change(
-        self, warn: Warn, position: GroupPosition, now: float
+        self, warn: Warn, car_id: CarId, position: GroupPosition, now: float
     ) -> Iterator[WarningRaised | WarningLevel | WarningOver]:
-        origin_id = warn.event_origin_id
-        active = self._brakings.pop(origin_id, None)
+        active = self._brakings.pop(car_id, None)
         level_m_s2 = warn.deceleration_m_s2
+        name = (warn.event_origin_id, warn.first_sequence)
         if active is None:
             yield WarningRaised(
                 stamp_s=now,
-                origin_id=origin_id,
+                origin_id=warn.event_origin_id,
                 sequence=warn.first_sequence,
                 origin_number=warn.origin_number,
                 group_number=position.number,
@@ -88,30 +109,31 @@ class ActiveWarnings:
                 age_s=warn.age_s,
                 hops=warn.hops,
             )
-        elif (
-            warn.cause != active.warn.cause
-            or abs(level_m_s2 - active.level_m_s2) >= LEVEL_STEP_M_S2
-        ):
-            yield WarningLevel(now, origin_id, warn.first_sequence, _cause(warn), level_m_s2)
         else:
-            level_m_s2 = active.level_m_s2
+            name = active.name
+            if (
+                warn.cause != active.warn.cause
+                or abs(level_m_s2 - active.level_m_s2) >= LEVEL_STEP_M_S2
+            ):
+                yield WarningLevel(now, *name, _cause(warn), level_m_s2)
+            else:
+                level_m_s2 = active.level_m_s2
         until = now - warn.age_s + self._lifetime_s
-        self._brakings[origin_id] = _Braking(warn, level_m_s2, until)
+        self._brakings[car_id] = _Braking(warn, name, level_m_s2, until)
         if len(self._brakings) > MAX_BRAKINGS:
             yield self._end(next(iter(self._brakings)), "expired", now)
 
     def expire(self, now: float) -> Iterator[WarningOver]:
         """End the brakings that are not heard of any more."""
-        for origin_id in [key for key, each in self._brakings.items() if each.until <= now]:
-            yield self._end(origin_id, "expired", now)
+        for car_id in [key for key, each in self._brakings.items() if each.until <= now]:
+            yield self._end(car_id, "expired", now)
 
     def get_timer(self) -> float:
         """When the next braking ends unless it is heard of; infinite without any."""
         return min((each.until for each in self._brakings.values()), default=math.inf)
 
-    def _end(self, origin_id: CarId, reason: str, now: float) -> WarningOver:
-        braking = self._brakings.pop(origin_id)
-        return WarningOver(now, origin_id, braking.warn.first_sequence, reason)
+    def _end(self, car_id: CarId, reason: str, now: float) -> WarningOver:
+        return WarningOver(now, *self._brakings.pop(car_id).name, reason)
 
 
 def _cause(warn: Warn) -> BrakeCause:

@@ -27,7 +27,7 @@ _CAR_FIELDS: Mapping[type[GroupMessage], tuple[str, ...]] = {
     Update: ("sender_id", "leader_id", "previous_leader_id"),
     Warn: ("sender_id", "leader_id"),
 }
-"""Fields that name a car. The ID of an event stays: a braking keeps the name that it began with."""
+"""Fields that name a car. The ID of an event stays: the braking car has signed it."""
 
 
 class AdjacentIds:
@@ -85,11 +85,18 @@ class AdjacentIds:
         """Return the own ID of the previous epoch, while others may use it; else `NO_ID`."""
         return self._previous_own if self.is_changing(now) else NO_ID
 
+    def present(self, car_id: CarId, now: float) -> CarId:
+        """Return the ID in the own epoch of a car, by one of an adjacent epoch if that is known."""
+        return self._present(now).get(car_id, car_id)
+
+    def _present(self, now: float) -> Mapping[CarId, CarId]:
+        if self.is_changing(now):
+            return {**self._by_previous, **self._by_next}
+        return self._by_next
+
     def translated(self, message: MessageT, now: float) -> MessageT:
         """Return `message` with the IDs of the own epoch."""
-        present = self._by_next
-        if self.is_changing(now):
-            present = {**self._by_previous, **present}
+        present = self._present(now)
         names: dict[str, Any] = {
             name: present[car_id]
             for name in _CAR_FIELDS[type(message)]

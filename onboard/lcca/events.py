@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
-from onboard.messages.lcca import CarId
+from onboard.messages.lcca import CarId, Warn
 from onboard.observations import BrakeCause, Lead
 
 
@@ -60,6 +60,15 @@ class TrackedLead:
             lead.closing_speed_sigma_m_s,
             tuple(CandidateCar(texts[each], each, p) for each, p in probabilities.items()),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class BrakingStatement:
+    """A warning as the braking car itself sent it, of which another car sent a copy."""
+
+    warn: Warn
+    signer_id: bytes | None
+    """HashedId8 of the braking car's certificate."""
 
 
 @dataclass(frozen=True, slots=True)

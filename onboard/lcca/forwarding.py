@@ -226,6 +226,14 @@ class Forwarding:
                 entry.unacknowledged.remove(old_id)
                 entry.unacknowledged.add(new_id)
 
+    def drop_own_warnings(self) -> None:
+        """Drop the own warnings: their name is that of the last epoch."""
+        self._messages = {
+            key: each
+            for key, each in self._messages.items()
+            if each.distance != 0 or isinstance(each.message, Update)
+        }
+
     def drop_others(self) -> None:
         """Drop all that other vehicles started: this vehicle has left their group."""
         self._messages = {key: each for key, each in self._messages.items() if each.distance == 0}

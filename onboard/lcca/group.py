@@ -42,7 +42,6 @@ from onboard.messages.lcca import (
     Reply,
     Update,
     Warn,
-    WarnCause,
 )
 from onboard.observations import Discarded, HardBrake
 
@@ -145,6 +144,13 @@ class WarningGroup(Core):
         self._own_braking.receive_hard_brake(brake, self._position.own_id, now)
         self._send_braking_if_due(now)
 
+    def has_ahead(self, warn: Warn, now: float) -> bool:
+        """Whether a vehicle that sent this warning itself so states to be ahead in this group."""
+        own = self._adjacent_ids.translated(warn, now)
+        if self._is_from_predecessor(own):
+            return True
+        return own.leader_id == self.leader_id and own.number < self.group_number
+
     def receive_next_own_id(self, next_id: CarId) -> None:
         """Take the own ID of the next epoch: others may use it before this vehicle does."""
         self._adjacent_ids.receive_next(self._position.own_id, next_id)
@@ -152,12 +158,13 @@ class WarningGroup(Core):
     def set_own_id(self, car_id: CarId, now: float) -> None:
         """Take the own ID of a new epoch; all vehicles change theirs at about this time.
 
-        Sequence numbers begin anew, so that they do not link the IDs; not while this vehicle
-        brakes, which is named by them.
+        Sequence numbers begin anew, and a braking that lasts has a new name, so that they do not
+        link the IDs.
         """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
-        if self._own_braking.cause is WarnCause.OVER:
-            self._event_sequence = int(self._rng.integers(_SEQUENCES))
+        self._event_sequence = int(self._rng.integers(_SEQUENCES))
+        self._forwarding.drop_own_warnings()
+        self._own_braking.rename(car_id, now)
         self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
         self._membership.change_sequence()
         self._membership.join_soon(now)
@@ -166,6 +173,7 @@ class WarningGroup(Core):
         self._position.rename(names)
         self._lead_monitor.rename(names)
         self._membership.rename(names)
+        self._active_warnings.rename(names)
 
     def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
@@ -442,7 +450,8 @@ class WarningGroup(Core):
         return 1 if self._is_from_predecessor(warn) else self._position.number - warn.number
 
     def _accept(self, warn: Warn, now: float) -> None:
-        self._events.extend(self._active_warnings.receive_warn(warn, self._position, now))
+        car_id = self._adjacent_ids.present(warn.event_origin_id, now)
+        self._events.extend(self._active_warnings.receive_warn(warn, car_id, self._position, now))
         self._acknowledge(warn, self._distance(warn), now)
 
     def _send_braking_if_due(self, now: float) -> None:

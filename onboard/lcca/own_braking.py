@@ -29,9 +29,11 @@ class OwnBraking:
         self._is_new = False
         """Whether the present state has not been sent yet."""
         self.origin_id = CarId()
-        """The own ID when the braking began, which names it until it is over."""
+        """The own ID when the braking began, or since the IDs have changed in it."""
         self.first_sequence: int | None = None
-        """Event sequence number of its first warning; `None` before that."""
+        """Event sequence number of the first warning under that ID; `None` before that."""
+        self._former: tuple[CarId, int | None] = (CarId(), None)
+        """As a braking was named before the last change of the own ID."""
 
     @property
     def cause(self) -> WarnCause:
@@ -57,9 +59,20 @@ class OwnBraking:
         self._test_until = now + self._parameters.test_warning_s if is_test else math.inf
         self._brake, self._send_at, self._is_new = brake, now, True
 
+    def rename(self, own_id: CarId, now: float) -> None:
+        """Take the own ID of a new epoch, under which a braking that lasts is sent at once.
+
+        Others accept only what its vehicle has signed under the ID that names it.
+        """
+        self._former = (self.origin_id, self.first_sequence)
+        if self.cause is not WarnCause.OVER:
+            self.origin_id, self.first_sequence = own_id, None
+            self._send_at = now
+
     def is_own(self, warn: Warn) -> bool:
-        """Whether the warning is a copy of what this vehicle sends now."""
-        return (warn.event_origin_id, warn.first_sequence) == (self.origin_id, self.first_sequence)
+        """Whether the warning is a copy of what this vehicle sends, or has sent lately."""
+        name = (warn.event_origin_id, warn.first_sequence)
+        return name in ((self.origin_id, self.first_sequence), self._former)
 
     def age_s(self, now: float) -> float:
         """Time since the state that is sent now began; a repeated state is one of now."""

@@ -6,7 +6,8 @@ the group its radio reaches. Join, Reply and Leave go one hop, to the car they n
 go to all cars behind in the group, over several hops; `sender_id` is then the car that forwards,
 and `event_*` identifies the event of which it is a copy.
 
-On the wire: one byte version, one byte type, the proof of the sender's ID, then the fields.
+On the wire: one byte version, one byte type, the proof of the sender's ID, then the fields; after
+those of a repeated Warn, what the braking car signed.
 """
 
 from collections.abc import Sequence
@@ -185,6 +186,11 @@ class Warn:
     """1 in the copy that the braking car sends."""
 
     @property
+    def is_direct(self) -> bool:
+        """Whether the braking car itself sends it."""
+        return self.sender_id == self.event_origin_id
+
+    @property
     def is_first(self) -> bool:
         """Whether it, or the warning that it is a copy of, begins the braking."""
         return self.event_sequence == self.first_sequence
@@ -232,6 +238,8 @@ class LccaPdu:
     message: LccaMessage
     proof: tuple[bytes, ...] = ()
     """Siblings of the ID; none if the signer's certificate commits to no IDs."""
+    origin: bytes = b""
+    """Of a repeated `Warn`: the 1609.2 data that the braking car signed; else empty."""
 
 
 MESSAGES: dict[int, Record[Any]] = {
@@ -243,18 +251,19 @@ _HEADER_BYTES = 3
 """Version, type, and number of siblings."""
 
 
-def encode(message: LccaMessage, proof: Sequence[bytes] = ()) -> bytes:
+def encode(message: LccaMessage, proof: Sequence[bytes] = (), origin: bytes = b"") -> bytes:
     """Return the message as it is sent.
 
     Args:
         message: the message.
         proof: that its sender owns `sender_id`: siblings of `SIBLING_BYTES` each.
+        origin: of a repeated `Warn`, what the braking car signed.
 
     Raises:
         ValueError: a field cannot carry its value.
     """
     header = bytes((VERSION, message.code, len(proof)))
-    return b"".join((header, *proof, MESSAGES[message.code].encode(message)))
+    return b"".join((header, *proof, MESSAGES[message.code].encode(message), origin))
 
 
 def decode(data: bytes) -> LccaPdu:
@@ -266,17 +275,19 @@ def decode(data: bytes) -> LccaPdu:
     """
     if len(data) < _HEADER_BYTES:
         raise DecodeError("too_short", f"{len(data)} bytes are no message")
-    version, code, siblings = data[:_HEADER_BYTES]
+    version, code, count = data[:_HEADER_BYTES]
     if version != VERSION:
         raise DecodeError("unknown_version", f"{version} instead of {VERSION}")
     if code not in MESSAGES:
         raise DecodeError("unknown_type", f"{code}")
-    if siblings > MAX_PROOF:
-        raise DecodeError("out_of_range", f"{siblings} siblings, of at most {MAX_PROOF}")
-    fields_at = _HEADER_BYTES + siblings * SIBLING_BYTES
+    if count > MAX_PROOF:
+        raise DecodeError("out_of_range", f"{count} siblings, of at most {MAX_PROOF}")
+    fields_at = _HEADER_BYTES + count * SIBLING_BYTES
     proof = range(_HEADER_BYTES, fields_at, SIBLING_BYTES)
-    message: LccaMessage = MESSAGES[code].decode(data[fields_at:])
-    return LccaPdu(message, tuple([data[at : at + SIBLING_BYTES] for at in proof]))
+    origin_at = fields_at + MESSAGES[code].size_bytes if code == Warn.code else len(data)
+    message: LccaMessage = MESSAGES[code].decode(data[fields_at:origin_at])
+    siblings = tuple([data[at : at + SIBLING_BYTES] for at in proof])
+    return LccaPdu(message, siblings, data[origin_at:])
 
 
 def as_dict(message: LccaMessage) -> dict[str, Any]:

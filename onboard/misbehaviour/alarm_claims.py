@@ -20,8 +20,9 @@ from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 MAX_SIGMA_M_S = 1.0
 """Of a closing speed that shows the lead vehicle slowing down."""
 
-_UNKNOWN = b""
-"""The signer of a braking that too many others have displaced."""
+NOBODY = b""
+"""The signer of a braking that too many others have displaced, or whose vehicle did not state that
+it is ahead: all of these together raise as many false alarms as one signer."""
 _MAX_BRAKINGS = 256
 
 
@@ -57,9 +58,12 @@ class AlarmClaims:
         """Signer of the last one of each vehicle, by the name that alarms have for it."""
 
     def receive_warn(self, warn: Warn, signer: bytes | None) -> None:
-        """Take a warning on the air that the group is given next."""
-        braking = warn.event_origin_id, warn.first_sequence
-        self._first_signers.setdefault(braking, signer or _UNKNOWN)
+        """Take a warning on the air that the group is given next; `signer` claims the braking."""
+        braking, name = (warn.event_origin_id, warn.first_sequence), warn.event_origin_id.hex()
+        if self._first_signers.get(braking, NOBODY) == NOBODY:
+            self._first_signers[braking] = signer or NOBODY
+        if self._brakings.get(name) == NOBODY:
+            self._brakings[name] = self._first_signers[braking]
         if len(self._first_signers) > _MAX_BRAKINGS:
             self._first_signers.popitem(last=False)
 
@@ -70,7 +74,7 @@ class AlarmClaims:
             self._brakings.pop(name, None)
             return
         key = warning.origin_id, warning.sequence
-        self._brakings[name] = self._first_signers.get(key, _UNKNOWN)
+        self._brakings[name] = self._first_signers.get(key, NOBODY)
         self._brakings.move_to_end(name)
         if len(self._brakings) > _MAX_BRAKINGS:
             self._brakings.popitem(last=False)
@@ -130,4 +134,4 @@ class AlarmClaims:
         else:
             observers = {measured.observer for measured in claimed.provenance}
             ids = claimed.reporters & observers or claimed.reporters
-        return frozenset(self._signer_of(each) or _UNKNOWN for each in ids)
+        return frozenset(self._signer_of(each) or NOBODY for each in ids)

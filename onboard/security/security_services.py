@@ -5,7 +5,7 @@ come first, the signature last.
 """
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credential, Credentials
@@ -50,6 +50,8 @@ class Opened:
     """Where it was generated, if its header says so."""
     ssp: bytes | None = None
     """What the signer's certificate permits in this service; `None`: everything."""
+    secured: bytes = field(default=b"", repr=False)
+    """The 1609.2 data, if it was verified."""
 
     def is_valid_at(self, place: TwoDLocation | None) -> bool:
         """Whether the certificate is valid where the message comes from (IEEE 1609.2, 5.2.3).
@@ -215,11 +217,32 @@ class SecurityServices:
         if message.p2pcd_request is not None:
             self.distribution.receive_request(message.p2pcd_request, now)
         try:
-            return self._verify(message, self._trust, now + self.utc_offset_s)
+            return self._verified(data, message, self._trust, now)
         except NotTrusted as refusal:
             if refusal.reason is RejectionReason.UNKNOWN_ISSUER:
                 self.distribution.receive_unknown_issuer(bytes.fromhex(refusal.detail), now)
             raise
+
+    def open_repeated(self, data: bytes, psid: int, now: float) -> Opened:
+        """Verify signed data that another vehicle than its signer sends; it may be known.
+
+        Args:
+            data: Ieee1609Dot2Data.
+            psid: the service that it must be signed for.
+            now: the present time.
+
+        Raises:
+            NotTrusted: it is refused, or nothing can be verified.
+        """
+        try:
+            message = ieee1609dot2.decode(data)
+        except (Malformed, Unsupported) as error:
+            raise NotTrusted(RejectionReason.MALFORMED, str(error)) from error
+        if isinstance(message, UnsecuredData) or self._trust is None:
+            raise NotTrusted(RejectionReason.UNSIGNED)
+        if message.psid != psid:
+            raise NotTrusted(RejectionReason.WRONG_PSID, f"signed for 0x{message.psid:X}")
+        return self._verified(data, message, self._trust, now, is_repeated=True)
 
     def receive_ca_certs(self, data: bytes, now: float) -> None:
         """Keep the certificates in an answer that was asked for (`peer_to_peer`).
@@ -238,20 +261,30 @@ class SecurityServices:
         for certificate in self.distribution.wanted(certificates, now):
             self._trust.receive_certificate(certificate)
 
-    def _verify(self, message: SignedData, trust: TrustStore, utc_s: float) -> Opened:
+    def _verified(
+        self,
+        data: bytes,
+        message: SignedData,
+        trust: TrustStore,
+        now: float,
+        *,
+        is_repeated: bool = False,
+    ) -> Opened:
+        utc_s = now + self.utc_offset_s
         generation = self._check_time(message, utc_s)
         signer = self._signer(message, trust)
         self._check_signer(signer, message.psid, from_time64(generation), utc_s)
         self._check_revocation(signer, trust)
         digest = p256.digest_to_sign(message.to_be_signed, signer.certificate.digest)
-        if digest in self._replays:
+        if digest in self._replays and not is_repeated:
             raise NotTrusted(RejectionReason.REPLAY)
         if not p256.is_signed(signer.key, digest, message.signature):
             raise NotTrusted(RejectionReason.BAD_SIGNATURE)
         if signer.certificate.is_implicit:
             trust.keep(signer)
             self._check_revocation(signer, trust)
-        self._replays.add(digest, generation, to_time64(utc_s))
+        if not is_repeated:
+            self._replays.add(digest, generation, to_time64(utc_s))
         self._verified_signers[signer.certificate.hashed_id8] = None
         self._verified_signers.move_to_end(signer.certificate.hashed_id8)
         if len(self._verified_signers) > _MAX_VERIFIED_SIGNERS:
@@ -264,6 +297,7 @@ class SecurityServices:
             signer.regions,
             None if place is None else TwoDLocation(place.latitude_deg, place.longitude_deg),
             signer.certificate.ssp(message.psid),
+            data,
         )
 
     def _check_time(self, message: SignedData, utc_s: float) -> int:

@@ -105,7 +105,7 @@ class Stack:
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, self._codecs)
-        self._lcca_link = LccaLink(credentials)
+        self._lcca_link = LccaLink(self._security, config.lcca_psid, credentials)
         self._vehicle = Vehicle(
             config,
             tuple(sensors),
@@ -227,14 +227,23 @@ class Stack:
             self._discard_outside_region(opened, now)
             return
         if isinstance(message, LccaPdu):
-            refusal = self._lcca_link.refusal(message, opened)
-            message = message.message
-            if refusal is not None:
-                detail = f"{message.kind} from {message.sender_id.hex()}"
-                self._vehicle.put_out(Discarded(now, component, refusal, detail))
-                return
+            self._receive_lcca(message, opened, now)
+            return
         made_at_s = self._security.made_at_s(opened, now)
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
+
+    def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
+        message = pdu.message
+        refusal = self._lcca_link.refusal(pdu, opened, now)
+        if refusal is not None:
+            detail = f"{message.kind} from {message.sender_id.hex()}"
+            self._vehicle.put_out(Discarded(now, "lcca", refusal, detail))
+            return
+        stated = None
+        if isinstance(message, lcca.Warn) and not message.is_direct:
+            stated = self._lcca_link.statement_of(message, now)
+        made_at_s = self._security.made_at_s(opened, now)
+        self._vehicle.receive_message(message, opened.signer_id, made_at_s, now, stated)
 
     def _discard_outside_region(self, opened: Opened, now: float) -> None:
         """Report a message from where its certificate is not valid."""

@@ -26,6 +26,10 @@ FRAME_S = 0.1
 CAMERA_RANGE_M = 120.0
 
 
+NEXT_ID_S = 4.0
+"""From a change of IDs until the next ID is given to others: when all have changed theirs."""
+
+
 def car_id(name: str, epoch: int = 0) -> CarId:
     """The ID under which the car of that name is known."""
     return f"{name:_<6}{epoch:02d}".encode()
@@ -96,6 +100,7 @@ class Road:
         self.parameters = parameters or GroupParameters()
         self.now = 0.0
         self.epoch = 0
+        self._changed_at = -math.inf
         self.cars: dict[str, Car] = {}
         self.sent: list[Transmission] = []
         self.drops: Callable[[Transmission, str], bool] = lambda transmission, receiver: False
@@ -177,6 +182,7 @@ class Road:
     def change_ids(self, spread_s: float = 0.0) -> None:
         """Everybody's digest changes, at times that differ by their clocks' errors."""
         self.epoch += 1
+        self._changed_at = self.now
         for car in self.cars.values():
             at = self.now + float(self._rng.uniform(0.0, spread_s))
             self._at(at, partial(self._change_id, car, self.epoch))
@@ -185,7 +191,14 @@ class Road:
         if self._is_here(car) and car.epoch < epoch:
             car.epoch = epoch
             self.do(car, lambda now: car.group.set_own_id(car_id(car.name, epoch), now))
+            self._at(self.now + NEXT_ID_S, partial(self._tell_next_id, car, epoch))
+
+    def _tell_next_id(self, car: Car, epoch: int) -> None:
+        if self._is_here(car) and car.epoch == epoch:
             car.group.receive_next_own_id(car_id(car.name, epoch + 1))
+
+    def _knows_next_ids(self) -> bool:
+        return self.now >= self._changed_at + NEXT_ID_S
 
     def warns(self) -> list[Transmission]:
         return [entry for entry in self.sent if isinstance(entry.message, Warn)]
@@ -222,7 +235,7 @@ class Road:
             gap_m,
             closing_speed_m_s,
             previous_id=car_id(ahead.name, car.epoch - 1) if car.epoch else None,
-            next_id=car_id(ahead.name, car.epoch + 1),
+            next_id=car_id(ahead.name, car.epoch + 1) if self._knows_next_ids() else None,
         )
 
     def _serve(self, car: Car) -> None:

@@ -27,9 +27,13 @@ ALICE, BOB, CAROL, DAVE = (
 """Of an authority that knows no plates."""
 
 
-@cache
 def credentials_of(plate: str, epoch_s: float = 300.0) -> Credentials:
     """Return the certificates of a vehicle whose plate the authority knows."""
+    return _issued(plate, epoch_s)
+
+
+@cache
+def _issued(plate: str, epoch_s: float) -> Credentials:
     digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
     return make_pseudonyms(
         ISSUING, 3, {BSM, LCCA}, new_key=new_key, plate=KnownPlate(plate, digest), **VALID

@@ -2,93 +2,29 @@
 
 from collections.abc import Iterator, Mapping
 
-import numpy as np
 import pytest
 from typing_extensions import override
 
 from onboard.lcca.transitions import GroupState
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, LccaMessage
-from onboard.observations import HardBrake
-from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
-from onboard.security.plate_digest import PlateDigest
-from onboard.security.pseudonyms import Pseudonym, Pseudonyms
-from onboard.security.security_services import SecurityServices
-from onboard.security.settings import PlateDigestSettings
-from onboard.step import Input, ReceivedWsm
+from onboard.step import Input
 from onboard.trace.trace_line import as_record
-from onboard.vehicle.stack import Stack
-from onboard.wave_udp import psid, wsmp
-from onboard.wave_udp.wsmp import WaveShortMessage
+from onboard.wave_udp import psid
 from tests.security.trial import ALICE, BOB, CAROL, UTC_S, credentials_of
 from tests.vehicle.platoon import SPEED_M_S, Platoon, car
-
-PLATES = ("AAA1", "BBB2", "CCC3")
-EVIL = "EVIL9"
-
-
-class Insider:
-    """A radio with certificates of its own plate."""
-
-    def __init__(self, epoch_s: float, keys: Credentials | None = None) -> None:
-        self.digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1, epoch_s=epoch_s))
-        self.keys = keys or credentials_of(EVIL, epoch_s)
-        self._security = SecurityServices(UTC_S, self.keys)
-        self._pseudonyms = Pseudonyms(EVIL, self.digest, self.keys, np.random.default_rng(9))
-
-    def pseudonym(self, now: float) -> Pseudonym:
-        return self._pseudonyms.at(UTC_S + now)
-
-    def wsm(
-        self, message: LccaMessage, now: float, proof: tuple[bytes, ...] | None = None
-    ) -> ReceivedWsm:
-        """A signed message, with the proof of the own ID unless another one is given."""
-        pseudonym = self.pseudonym(now)
-        assert pseudonym.credential is not None
-        self._security.sign_with(pseudonym.credential)
-        payload = lcca.encode(message, pseudonym.proof if proof is None else proof)
-        secured = self._security.secure(payload, psid.LCCA, now)
-        return ReceivedWsm(now, wsmp.encode(WaveShortMessage(psid.LCCA, secured)))
-
-
-def driven(
-    epoch_s: float = 300.0, keys: dict[str, Credentials] | None = None, seconds: float = 3.0
-) -> Platoon:
-    """Three vehicles that have formed a group."""
-    keys = keys or {plate: credentials_of(plate, epoch_s) for plate in PLATES}
-    platoon = Platoon(
-        {
-            plate: car(plate, epoch_s, own, UTC_S, seed)
-            for seed, (plate, own) in enumerate(keys.items())
-        }
-    )
-    platoon.drive(seconds)
-    return platoon
-
-
-def stack_of(platoon: Platoon, plate: str) -> Stack:
-    return platoon.cars[plate]
-
-
-def car_id(platoon: Platoon, plate: str, at_s: float | None = None) -> CarId:
-    at_s = platoon.now if at_s is None else at_s
-    return stack_of(platoon, plate).digest.car_id(plate, UTC_S + at_s)
-
-
-def reasons(platoon: Platoon, plate: str) -> list[str]:
-    return [as_record(event)["reason"] for event in platoon.events_of(plate, "discarded")]
-
-
-def brakes(platoon: Platoon, plate: str) -> None:
-    platoon.speed_m_s[plate] = SPEED_M_S - 1.0
-    platoon.drive(0.1)
-    platoon.receive(plate, HardBrake(platoon.now, 7.0, source="obd"))
-    platoon.settle()
-
-
-def warned(platoon: Platoon) -> list[str]:
-    return [plate for plate in PLATES if list(platoon.events_of(plate, "warning"))]
+from tests.vehicle.proved import (
+    PLATES,
+    Insider,
+    brakes,
+    car_id,
+    driven,
+    message_in,
+    reasons,
+    stack_of,
+    warned,
+)
 
 
 def test_an_honest_group_forms_and_is_warned() -> None:
@@ -132,7 +68,7 @@ def forgeries(lead: CarId, follower: CarId) -> Iterator[LccaMessage]:
 
 @pytest.mark.parametrize("number", range(6))
 def test_a_message_under_the_id_of_another_is_discarded(number: int) -> None:
-    platoon, insider = driven(), Insider(300.0)
+    platoon, insider = driven(), Insider()
     forged = list(forgeries(car_id(platoon, "AAA1"), car_id(platoon, "BBB2")))[number]
     for plate in ("AAA1", "BBB2"):
         platoon.receive(plate, insider.wsm(forged, platoon.now))
@@ -148,9 +84,9 @@ def test_a_message_under_the_id_of_another_is_discarded(number: int) -> None:
 
 @pytest.mark.parametrize("proof", ["own", "truncated", "longer", "of another epoch", "none"])
 def test_an_id_is_proved_by_its_own_siblings_only(proof: str) -> None:
-    platoon, insider = driven(), Insider(300.0)
+    platoon, insider = driven(), Insider()
     own = insider.pseudonym(platoon.now)
-    third = Insider(300.0).pseudonym(platoon.now + 3 * 300.0)  # the certificate is the same
+    third = Insider().pseudonym(platoon.now + 3 * 300.0)  # the certificate is the same
     assert own.credential is not None
     assert third.credential is not None
     assert own.credential.certificate == third.credential.certificate
@@ -172,7 +108,7 @@ def test_an_id_is_proved_by_its_own_siblings_only(proof: str) -> None:
 
 
 def test_certificates_that_commit_to_nothing_prove_nothing() -> None:
-    platoon, insider = driven(), Insider(300.0, keys=CAROL)
+    platoon, insider = driven(), Insider(keys=CAROL)
     lead, own = car_id(platoon, "AAA1"), insider.pseudonym(platoon.now).car_id
     join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
     platoon.receive("AAA1", insider.wsm(join, platoon.now))
@@ -198,14 +134,6 @@ class Hijacked(Platoon):
                 lead = car_id(self, "AAA1")
                 answer = lcca.Answer(lead, message.sender_id, message.sequence, b"EVIL", SPEED_M_S)
                 super().receive("BBB2", self.insider.wsm(answer, self.now))
-
-
-def message_in(received: Input) -> LccaMessage | None:
-    """The LCCA message in a frame; `None` if there is none."""
-    frame = wsmp.decode(received.data) if isinstance(received, ReceivedWsm) else None
-    if frame is None or frame.psid != psid.LCCA:
-        return None
-    return lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
 
 
 def hijacked(keys: Mapping[str, Credentials], insider: Insider) -> Platoon:
@@ -243,7 +171,7 @@ def test_without_an_authority_that_knows_plates_both_who_answer_for_the_lead_are
 
 def test_nothing_that_is_sent_links_two_pseudonyms() -> None:
     """Certificates and proofs of two epochs have no octets of a node in common."""
-    pseudonyms = [Insider(300.0).pseudonym(300.0 * number) for number in range(3)]
+    pseudonyms = [Insider().pseudonym(300.0 * number) for number in range(3)]
     roots = set()
     siblings: set[bytes] = set()
     for each in pseudonyms:

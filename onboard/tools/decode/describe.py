@@ -218,7 +218,8 @@ def _mvs_footer(data: bytes) -> _Layer:
 def _lcca(data: bytes) -> _Layer:
     pdu = lcca.decode(data)
     proof = {"proof": [each.hex() for each in pdu.proof]} if pdu.proof else {}
-    return _Layer({"message": pdu.message.kind, **lcca.as_dict(pdu.message), **proof})
+    fields = {"message": pdu.message.kind, **lcca.as_dict(pdu.message), **proof}
+    return _Layer(fields, pdu.origin or None)
 
 
 def _dot2(data: bytes) -> _Layer:
