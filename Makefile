@@ -126,6 +126,7 @@ lock: ## pins all versions anew
 	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
+	echo pip | $(LOCK) --no-annotate - -o deploy/installer.lock
 
 clean: ## removes .venv, build and out
 	rm -rf .venv build out

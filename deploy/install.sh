@@ -5,15 +5,20 @@
 #   install.sh --uninstall [--purge] --purge: also configuration, keys and recordings
 #
 # It needs the folder that `make box` creates. Only missing Debian packages are downloaded. A second
-# run changes nothing.
+# run changes nothing. Ended at any moment, it leaves the old release or the new one (releases.py);
+# another run completes it. Of a system whose root is read-only it writes only what differs.
+#
+# ONBOARD_ROOT: a folder in place of /, for tests; users, packages and units are left as they are.
 set -eu
 here=$(dirname "$(realpath "$0")")
 files=$here/files
-home=/opt/onboard etc=/etc/onboard state=/var/lib/onboard
-units=/etc/systemd/system networks=/etc/systemd/network
-journal=/etc/systemd/journald.conf.d/onboard.conf
-rules=/etc/udev/rules.d/70-onboard.rules
-sysctl=/etc/sysctl.d/80-onboard.conf
+root=${ONBOARD_ROOT:-}
+home=$root/opt/onboard etc=$root/etc/onboard state=$root/var/lib/onboard
+units=$root/etc/systemd/system networks=$root/etc/systemd/network
+journal=$root/etc/systemd/journald.conf.d/onboard.conf
+rules=$root/etc/udev/rules.d/70-onboard.rules
+sysctl=$root/etc/sysctl.d/80-onboard.conf
+programs=$root/usr/local/bin
 before=$home/units-before
 
 complain() { echo "install.sh: $1" >&2; exit "${2:-1}"; }
@@ -34,21 +39,32 @@ main() {
 }
 
 install() {
-    [ -d "$here/wheels" ] || complain "no wheels in this folder: create it with 'make box'" 2
-    add_packages python3-venv gpsd
-    add_user
-    add_program
+    mkdir -p "$home"
+    exec 9>"$home/lock"
+    flock --nonblock 9 || complain "another installation is at work" 2
+    if [ -z "$root" ]; then
+        add_packages python3 gpsd
+        add_user
+    fi
     add_configuration
-    note_units
+    add_release
     add_system_files
+    rm -rf "$home/venv"  # of a build before releases.py
+    [ -n "$root" ] || start_units
+    echo "installed; edit $etc/car.yaml, then: onboard doctor && systemctl restart onboard"
+}
+
+start_units() {
+    note_units
     systemctl daemon-reload
     udevadm control --reload 2>/dev/null || true  # containers have no udev
     /lib/systemd/systemd-sysctl "$sysctl" 2>/dev/null || true  # nor their own kernel
     systemctl try-restart systemd-journald.service
     start_network
-    systemctl enable --quiet gpsd.service onboard.service
+    for unit in gpsd.service onboard.service; do
+        systemctl is-enabled --quiet "$unit" || systemctl enable --quiet "$unit"
+    done
     systemctl restart --no-block gpsd.service onboard.service
-    echo "installed; edit $etc/car.yaml, then: onboard doctor && systemctl restart onboard"
 }
 
 add_packages() {
@@ -67,24 +83,40 @@ add_packages() {
 add_user() {
     getent passwd onboard >/dev/null ||
         useradd --system --user-group --home-dir "$state" --shell /usr/sbin/nologin onboard
-    for group in video systemd-journal; do usermod --append --groups "$group" onboard; done
+    for group in video systemd-journal; do
+        id -nG onboard | grep -qw "$group" || usermod --append --groups "$group" onboard
+    done
 }
 
-add_program() {
-    mkdir -p "$home"
-    [ -x "$home/venv/bin/python" ] || python3 -m venv "$home/venv"
-    pip="$home/venv/bin/python -m pip --isolated --disable-pip-version-check install --quiet"
-    pip="$pip --root-user-action=ignore --no-index --find-links $here/wheels"
-    $pip --require-hashes --requirement "$here/requirements.lock"
-    # The version alone does not identify the build, so it is always reinstalled.
-    $pip --no-deps --force-reinstall onboard
-    cp "$here/in-the-car.md" "$home/"
-    ln -sf "$home/venv/bin/onboard" /usr/local/bin/onboard
+# The release that is installed decides whether a new one may be; the first one itself.
+add_release() {
+    releases=$home/onboard-releases
+    [ -x "$releases" ] || releases=$here/releases.py
+    ONBOARD_LOCKED=1 "$releases" --root "$root/" install "$here"
+    put "$here/releases.py" "$home/onboard-releases" 755
+}
+
+# Writes a file if it differs, by one rename.
+put() {
+    if cmp -s "$1" "$2"; then return 0; fi
+    mkdir -p "${2%/*}"
+    cp "$1" "$2.new" || complain "$2 differs, and cannot be written: mount -o remount,rw /"
+    chmod "${3:-644}" "$2.new"
+    sync "$2.new"
+    mv "$2.new" "$2"
+}
+
+put_link() {
+    [ "$(readlink "$2")" != "$1" ] || return 0
+    mkdir -p "${2%/*}"
+    ln -s "$1" "$2.new"
+    mv -T "$2.new" "$2"
 }
 
 add_configuration() {
     mkdir -p "$etc"
-    [ -e "$etc/car.yaml" ] || cp "$here/car.yaml" "$etc/car.yaml"
+    [ -e "$etc/car.yaml" ] || put "$here/car.yaml" "$etc/car.yaml"
+    [ -z "$root" ] || return 0
     chown -R root:onboard "$etc"
     chmod 750 "$etc"
     chmod 640 "$etc/car.yaml"
@@ -96,16 +128,20 @@ add_configuration() {
 }
 
 add_system_files() {
-    mkdir -p "$networks" "${journal%/*}" "${sysctl%/*}" "$units/gpsd.service.d"
-    cp "$files/onboard.service" "$units/"
-    cp "$files/onboard-gpsd.conf" "$units/gpsd.service.d/onboard.conf"
-    cp "$files/onboard-journald.conf" "$journal"
-    cp "$files/70-onboard.rules" "$rules"
-    cp "$files/80-onboard-sysctl.conf" "$sysctl"
-    cp "$files/80-onboard-can.network" "$networks/"
+    put "$files/onboard-proven.service" "$units/onboard-proven.service"
+    put "$files/onboard.service" "$units/onboard.service"
+    put "$files/onboard-gpsd.conf" "$units/gpsd.service.d/onboard.conf"
+    put "$files/onboard-journald.conf" "$journal"
+    put "$files/70-onboard.rules" "$rules"
+    put "$files/80-onboard-sysctl.conf" "$sysctl"
+    put "$files/80-onboard-can.network" "$networks/80-onboard-can.network"
     if [ "$vcan" = yes ]; then
-        cp "$files/80-onboard-vcan.netdev" "$files/80-onboard-vcan.network" "$networks/"
+        for file in 80-onboard-vcan.netdev 80-onboard-vcan.network; do
+            put "$files/$file" "$networks/$file"
+        done
     fi
+    put_link /opt/onboard/current/venv/bin/onboard "$programs/onboard"
+    put_link /opt/onboard/onboard-releases "$programs/onboard-releases"
 }
 
 # Writes down which units were enabled, once, for the uninstallation.
@@ -140,12 +176,15 @@ start_network() {
 uninstall() {
     systemctl disable --quiet --now onboard.service 2>/dev/null || true
     restore_units
-    rm -rf "$home" "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
-    rm -f "$units/onboard.service" "$journal" "$rules" "$sysctl" /usr/local/bin/onboard
+    rm -rf "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
+    rm -f "$units/onboard.service" "$units/onboard-proven.service" "$journal" "$rules" "$sysctl"
+    rm -f "$programs/onboard" "$programs/onboard-releases"
     rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*
     rmdir "$units/gpsd.service.d" 2>/dev/null || true
     if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi
     systemctl daemon-reload
+    rm -rf "$home"/* || true  # a partition of its own may be mounted there
+    rmdir "$home" 2>/dev/null || true
     udevadm control --reload 2>/dev/null || true  # containers have no udev
     if [ "$purge" = yes ]; then
         rm -rf "$etc" "$state"

@@ -35,7 +35,7 @@ from sim_rig.scenario.car_config import plate_digest
 INSTALLED = BUILD / "installed.qcow2", BUILD / "installed.raw"
 """The disk and the small disk after install.sh; each run works on copies."""
 DRIVEN = BUILD / "driven.qcow2", BUILD / "driven.raw"
-DOCS = ROOT / "docs" / "in-the-car.md"
+TABLE = ROOT / "docs" / "tables" / "vm-test.csv"
 
 SMALL_DISK_BYTES = 48 << 20
 IMAGES = 40
@@ -69,7 +69,7 @@ Description=The other end of the daemon's wires
 
 [Service]
 Type=exec
-ExecStart=/opt/onboard/venv/bin/python /root/rig.py /root/images /root/keys BUS
+ExecStart=/opt/onboard/current/venv/bin/python /root/rig.py /root/images /root/keys BUS
 # The camera (port 8081) must be ready before the daemon starts, as in a car.
 ExecStartPost=/bin/sh -c 'until grep -q :1F91 /proc/net/tcp; do sleep 0.2; done'
 Restart=always
@@ -120,7 +120,7 @@ def main() -> int:
         "--reuse", action="store_true", help="use the installed disk of the last run"
     )
     parser.add_argument(
-        "--record", action="store_true", help=f"write the table of QEMU to {DOCS.name}"
+        "--record", action="store_true", help=f"write the table of QEMU to {TABLE.name}"
     )
     arguments = parser.parse_args()
     test = VmTest()
@@ -128,7 +128,7 @@ def main() -> int:
     text = test.table()
     print(text)
     if arguments.record and is_kept and not arguments.namespaces:
-        record(DOCS, "vm-test", text)
+        test.record(TABLE)
     return 0 if is_kept else 1
 
 
@@ -190,6 +190,10 @@ class VmTest:
 
     def _is_kept(self) -> bool:
         return not self._failures and all(row.is_kept for row in self._rows)
+
+    def record(self, file: Path) -> None:
+        """Write the results as CSV."""
+        record(file, self._rows)
 
     def table(self) -> str:
         """The results as Markdown."""

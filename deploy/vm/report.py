@@ -1,6 +1,6 @@
 """The table of a run, for the terminal and for the docs."""
 
-import re
+import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -35,18 +35,14 @@ def table(
     return "\n".join(lines)
 
 
-def record(docs: Path, name: str, text: str) -> None:
-    """Replace the table in a page between the comments with its name.
-
-    Args:
-        docs: page.
-        name: in the comments.
-        text: new table.
-    """
-    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    page = docs.read_text(encoding="utf-8")
-    marked = f"{begin}\n{text}\n{end}"
-    docs.write_text(re.sub(f"{begin}.*{end}", lambda _: marked, page, flags=re.DOTALL))
+def record(file: Path, rows: Sequence[StatusRow]) -> None:
+    """Write the results as CSV."""
+    with file.open("w", newline="", encoding="utf-8") as opened:
+        writer = csv.writer(opened, lineterminator="\n")
+        writer.writerow(("fault", "detected_s", "recovered_s", "limit_s", "remark"))
+        for row in rows:
+            times = (row.detected_s, row.recovered_s, row.limit_s)
+            writer.writerow((row.fault, *map(_seconds, times), row.remark))
 
 
 def _line(row: StatusRow) -> str:

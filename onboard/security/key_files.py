@@ -219,6 +219,15 @@ def read_authority(folder: Path) -> Authority:
     return Authority(own, *_read_trusted(folder))
 
 
+def read_roots(folder: Path) -> tuple[Certificate, ...]:
+    """Return the roots that a vehicle or an authority trusts.
+
+    Raises:
+        KeyFilesError: there are none, or they cannot be read.
+    """
+    return _read_trusted(folder)[0]
+
+
 def _write_trusted(
     folder: Path, roots: Iterable[Certificate], authorities: Iterable[Certificate]
 ) -> None:

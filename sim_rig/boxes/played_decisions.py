@@ -74,7 +74,7 @@ def compare_decisions(
     box_start_s = start_on_clock_of(_received(recording.files), played.first)
     if box_start_s is None:
         raise NotPlayedError(
-            f"{recording.header.drive} has no input of the drive: it is a recording of another one"
+            f"no input of the drive has arrived, by the box's recording {recording.header.drive}"
         )
     if source.own_ids and not source.own_ids & own_ids(RecordedDrive(recording.files)):
         raise NotPlayedError("`car.plate` or `security.plate_digest` of the box is not the drive's")

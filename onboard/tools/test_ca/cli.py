@@ -11,6 +11,7 @@ from onboard.errors import UserError
 from onboard.security import key_files, p256
 from onboard.security.certificates import Certificate
 from onboard.security.credentials import Authority, Credentials
+from onboard.security.file_signature import sign_file, signer_of_file
 from onboard.security.its_time import to_time32
 from onboard.security.pkcs11_token import Pkcs11Token
 from onboard.security.plate_digest import PlateDigest
@@ -165,6 +166,44 @@ def revoke(
     )
     key_files.write_crl(file, crl)
     typer.echo(f"{file}: revokes {len(certificates)} certificates")
+
+
+@keys.command()
+def sign(
+    file: Annotated[Path, typer.Argument(help="The file, such as the hashes of a release.")],
+    *,
+    root: Annotated[Path, typer.Option(help="The folder of the root.")],
+) -> None:
+    """Sign a file; the signature is written into FILE.sig."""
+    signer = key_files.read_authority(root).credential
+    if signer.certificate.issuer_id is not None:
+        raise key_files.KeyFilesError(f"{root}: is no root")
+    signature = file.with_name(f"{file.name}.sig")
+    try:
+        signature.write_text(f"{sign_file(file.read_bytes(), signer)}\n", encoding="ascii")
+    except OSError as error:
+        raise UserError(f"{error.filename}: {error.strerror}") from error
+    typer.echo(f"{signature}: signed by {signer.certificate.subject.name}")
+
+
+@keys.command()
+def verify(
+    file: Annotated[Path, typer.Argument(help="The file.")],
+    *,
+    signature: Annotated[Path, typer.Option(help="Its signature, FILE.sig.")],
+    trusted: Annotated[Path, typer.Option(help="Folder of keys: those of a vehicle.")],
+) -> None:
+    """Verify that a root which the vehicle trusts has signed a file."""
+    roots = key_files.read_roots(trusted)
+    try:
+        content, signed = file.read_bytes(), signature.read_text("ascii", errors="replace")
+    except OSError as error:
+        raise UserError(f"{error.filename}: {error.strerror}") from error
+    signer = signer_of_file(content, signed, roots)
+    if signer is None:
+        names = ", ".join(str(each.subject.name) for each in roots)
+        raise UserError(f"{file}: not signed by a root of {trusted} ({names})")
+    typer.echo(f"{file}: signed by {signer.subject.name}")
 
 
 @keys.command()

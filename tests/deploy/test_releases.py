@@ -1,0 +1,266 @@
+"""Releases side by side: what is installed, what is refused, and which one is taken at a start."""
+
+import fcntl
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from deploy.releases import COMPLETE, MISTAKE, Bundle, RefusedError, Releases
+from onboard.security.key_files import write_authority
+from onboard.tools.test_ca.authority import make_root
+from onboard.wave_udp import psid
+from tests.deploy.bundles import boot, install, make_bundle, seal
+
+OLD, NEW = "0.2.0+20261117.aaaaaaaaa", "0.3.0+20261124.bbbbbbbbb"
+
+
+@pytest.fixture
+def releases(tmp_path: Path) -> Releases:
+    """Two complete releases, of which the old one is in use and proven."""
+    for name in (OLD, NEW):
+        folder = tmp_path / "opt" / "onboard" / "releases" / name
+        folder.mkdir(parents=True)
+        (folder / COMPLETE).touch()
+    found = Releases(tmp_path)
+    found.switch(OLD)
+    found.proven()
+    return found
+
+
+# ---- at work -----------------------------------------------------------------------------------
+
+
+def test_a_release_that_ran_for_a_minute_is_the_one_to_fall_back_to(releases: Releases) -> None:
+    releases.switch(NEW)
+    releases.started()
+    releases.proven()
+    assert (releases.named("current"), releases.named("good")) == (NEW, NEW)
+
+
+def test_a_release_that_dies_three_times_is_left_for_the_good_one(releases: Releases) -> None:
+    releases.switch(NEW)
+    for _ in range(3):
+        releases.started()
+        assert releases.named("current") == NEW
+        releases.ended("exit-code", 1)
+    releases.started()
+    assert (releases.named("current"), releases.failed) == (OLD, NEW)
+
+
+def test_power_cuts_count_as_deaths_since_nothing_else_can_be_known(releases: Releases) -> None:
+    releases.switch(NEW)
+    for _ in range(4):
+        releases.started()
+    assert releases.named("current") == OLD
+
+
+def test_a_release_that_is_not_ready_in_time_is_left_at_once(releases: Releases) -> None:
+    releases.switch(NEW)
+    releases.started()
+    releases.ended("timeout", None)
+    assert (releases.named("current"), releases.failed) == (OLD, NEW)
+
+
+@pytest.mark.parametrize(
+    ("result", "exit_code"), [("exit-code", MISTAKE), ("success", 0), ("success", None)]
+)
+def test_a_missing_device_and_a_stop_do_not_count(
+    releases: Releases, result: str, exit_code: int | None
+) -> None:
+    releases.switch(NEW)
+    for _ in range(10):
+        releases.started()
+        releases.ended(result, exit_code)
+    assert releases.named("current") == NEW
+
+
+def test_the_good_release_is_never_left(releases: Releases) -> None:
+    for _ in range(10):
+        releases.started()
+        releases.ended("exit-code", 1)
+    releases.ended("timeout", None)
+    assert (releases.named("current"), releases.failed) == (OLD, None)
+
+
+def test_a_release_that_failed_can_be_taken_again(releases: Releases) -> None:
+    releases.switch(NEW)
+    releases.ended("timeout", None)
+    releases.switch(NEW)
+    assert releases.failed is None
+    releases.started()
+    assert releases.named("current") == NEW
+
+
+def test_a_first_release_without_a_good_one_stays(tmp_path: Path) -> None:
+    folder = tmp_path / "opt" / "onboard" / "releases" / NEW
+    folder.mkdir(parents=True)
+    (folder / COMPLETE).touch()
+    only = Releases(tmp_path)
+    only.switch(NEW)
+    for _ in range(9):
+        only.started()
+        only.ended("timeout", None)
+    assert only.named("current") == NEW
+
+
+def test_releases_in_use_are_not_removed_and_others_are(releases: Releases, tmp_path: Path) -> None:
+    for name in (OLD, "0.1.0"):
+        with pytest.raises(RefusedError):
+            releases.remove(name)
+    releases.remove(NEW)
+    assert releases.names() == [OLD]
+    assert not (tmp_path / "opt" / "onboard" / "releases" / NEW).exists()
+
+
+def test_a_release_that_is_not_complete_is_none(releases: Releases, tmp_path: Path) -> None:
+    (tmp_path / "opt" / "onboard" / "releases" / NEW / COMPLETE).unlink()
+    assert releases.names() == [OLD]
+    with pytest.raises(RefusedError, match=f"no release .*there are .*{OLD[:5]}"):
+        releases.switch(NEW)
+
+
+# ---- what is refused ---------------------------------------------------------------------------
+
+
+def test_a_release_for_another_architecture_is_refused(tmp_path: Path) -> None:
+    bundle = make_bundle(tmp_path / "box", NEW, architecture="s390x")
+    with pytest.raises(RefusedError, match=r"is for s390x and Python 3\.\d+; this is"):
+        Bundle(bundle)
+
+
+def test_a_folder_that_was_copied_in_part_is_refused(tmp_path: Path) -> None:
+    bundle = make_bundle(tmp_path / "box", NEW)
+    wheel = next((bundle / "wheels").glob("onboard*"))
+    wheel.write_bytes(wheel.read_bytes()[:-10])
+    with pytest.raises(RefusedError, match=f"{wheel.name} is damaged: copy the folder again"):
+        Bundle(bundle)
+    wheel.unlink()
+    with pytest.raises(RefusedError, match=f"{wheel.name} is missing"):
+        Bundle(bundle)
+    (bundle / "SHA256SUMS").unlink()
+    with pytest.raises(RefusedError, match="no SHA256SUMS: create the folder with 'make box'"):
+        Bundle(bundle)
+
+
+def test_a_file_that_is_not_of_the_release_is_refused(tmp_path: Path) -> None:
+    bundle = make_bundle(tmp_path / "box", NEW)
+    (bundle / "wheels" / "more-1.0-py3-none-any.whl").touch()
+    with pytest.raises(RefusedError, match=r"more-1\.0-py3-none-any\.whl is not of this release"):
+        Bundle(bundle)
+
+
+def test_two_modified_builds_of_one_commit_have_two_names(tmp_path: Path) -> None:
+    one, other = (
+        Bundle(make_bundle(tmp_path / str(files), f"{NEW}.modified", files=files))
+        for files in (1, 2)
+    )
+    assert one.name != other.name
+    assert one.name.startswith(f"{NEW}.modified.")
+
+
+def test_a_second_installer_is_refused(tmp_path: Path) -> None:
+    bundle = make_bundle(tmp_path / "box", NEW)
+    root = tmp_path / "root"
+    (root / "opt" / "onboard").mkdir(parents=True)
+    with (root / "opt" / "onboard" / "lock").open("wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = install(bundle, root)
+        tool = [sys.executable, f"{bundle}/releases.py", "--root", f"{root}", "switch", NEW]
+        switched = subprocess.run(tool, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "install.sh: another installation is at work\n")
+    assert (switched.returncode, switched.stderr) == (2, "another installation is at work\n")
+    assert boot(root) == "not installed"
+
+
+# ---- the whole installation, in a folder in place of / ------------------------------------------
+
+
+@pytest.mark.long
+def test_an_update_and_a_downgrade_leave_the_release_that_was_installed_last(
+    tmp_path: Path,
+) -> None:
+    root = tmp_path / "root"
+    old, new = (make_bundle(tmp_path / name, name) for name in (OLD, NEW))
+    for bundle, name in ((old, OLD), (new, NEW), (old, OLD)):
+        done = install(bundle, root)
+        assert done.returncode == 0, done.stdout
+        assert boot(root) == f"{name} drives"
+    unit = (root / "etc/systemd/system/onboard.service").read_text()
+    assert "/opt/onboard/current/venv/bin/onboard run" in unit
+    assert (root / "usr/local/bin/onboard").readlink() == Path(
+        "/opt/onboard/current/venv/bin/onboard"
+    )
+    files = {path: path.stat().st_mtime_ns for path in (root / "etc").rglob("*")}
+    assert install(old, root).returncode == 0
+    assert {path: path.stat().st_mtime_ns for path in (root / "etc").rglob("*")} == files
+
+
+@pytest.mark.long
+def test_a_release_that_cannot_read_the_configuration_is_not_taken(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    assert install(make_bundle(tmp_path / "old", OLD), root).returncode == 0
+    (root / "etc/onboard/car.yaml").write_text("watch: {speed_s: 1.0}\n")
+    done = install(make_bundle(tmp_path / "new", NEW, unknown="watch"), root)
+    assert done.returncode == 2
+    assert "cannot read" in done.stdout
+    assert "watch: unknown key" in done.stdout
+    assert boot(root) == f"{OLD} drives"
+
+
+def test_an_update_is_signed_by_a_root_that_the_car_trusts(tmp_path: Path) -> None:
+    for name in ("trial", "other"):
+        made = make_root(name, psid.OF_VEHICLES, valid_from_utc_s=1_700_000_000.0, valid_for_s=1e8)
+        write_authority(tmp_path / name, made)
+    root = tmp_path / "root"
+    assert (
+        "not verified: nothing is installed yet"
+        in install(make_bundle(tmp_path / "old", OLD), root).stdout
+    )
+    shutil.copytree(tmp_path / "trial" / "roots", root / "etc/onboard/keys/roots")
+
+    new = make_bundle(tmp_path / "new", NEW)
+    assert "is not signed" in install(new, root).stdout
+    seal(new, tmp_path / "other")
+    done = install(new, root)
+    assert done.returncode == 2
+    assert "not signed by a root of" in done.stdout
+    assert boot(root) == f"{OLD} drives"
+    seal(new, tmp_path / "trial")
+    done = install(new, root)
+    assert done.returncode == 0, done.stdout
+    assert boot(root) == f"{NEW} drives"
+    (new / "SHA256SUMS.sig").unlink()
+    assert install(new, root).returncode == 0, "it is installed already"
+
+
+@pytest.mark.long
+def test_a_disk_that_is_full_leaves_the_old_release(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    small = ("unshare", "--user", "--map-root-user", "--mount", "sh", "-euc")
+    if subprocess.run([*small, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("no user namespaces")
+    old = make_bundle(tmp_path / "old", OLD)
+    new = make_bundle(tmp_path / "new", NEW, files=4000)
+    (root / "opt" / "onboard").mkdir(parents=True)
+    script = (
+        "home=$ONBOARD_ROOT/opt/onboard; onboard=$home/current/venv/bin/onboard;"
+        ' mount -t tmpfs -o size=3m,nr_inodes=600 tmpfs "$home"; sh "$0/install.sh";'
+        ' sh "$1/install.sh" || "$onboard" run car.yaml;'
+        # And full in the switch itself, to a release that is there.
+        ' mkdir "$home/releases/other"; touch "$home/releases/other/complete";'
+        ' n=0; while touch "$home/$n" 2>&1; do n=$((n + 1)); done;'
+        ' "$home/onboard-releases" --root "$ONBOARD_ROOT" switch other || "$onboard" run car.yaml'
+    )
+    done = subprocess.run(
+        [*small, script, old, new],
+        env={"ONBOARD_ROOT": str(root), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert "No space left on device; nothing is changed" in done.stdout
+    assert done.stdout.count(f"{OLD} drives") == 2, done.stdout
