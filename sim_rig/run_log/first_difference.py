@@ -1,8 +1,11 @@
-"""Where the decisions of two runs of one scenario first differ, car by car."""
+"""Where the decisions of two runs of one scenario first differ, car by car and kind by kind.
+
+Kinds are compared separately, so that an alarm of one run does not hide that the group is the same.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import groupby, zip_longest
 
 from sim_rig.run_log.run_log import Record, RunLog
 
@@ -35,11 +38,17 @@ class RunComparison:
     """Two runs side by side."""
 
     decisions: int
-    """Those that both made, within the tolerance, up to the first difference of each car."""
-    first: DecisionPair | None
-    """The first difference in what was decided, or in when by more than the tolerance."""
+    """Those that both made, within the tolerance, up to the first difference of each kind."""
+    differences: tuple[DecisionPair, ...]
+    """The first difference of each car and kind, in what was decided, or in when by more than the
+    tolerance; the earliest first."""
     latest: DecisionPair | None
     """Of the decisions that both made, the one whose times differ most."""
+
+    @property
+    def first(self) -> DecisionPair | None:
+        """The earliest difference; `None` if there is none."""
+        return next(iter(self.differences), None)
 
 
 def compare(one: RunLog, other: RunLog, within_s: float) -> RunComparison:
@@ -50,20 +59,20 @@ def compare(one: RunLog, other: RunLog, within_s: float) -> RunComparison:
         other: another run of the same scenario.
         within_s: times of one decision may differ by this.
     """
-    made = 0
-    first: list[DecisionPair] = []
+    differences: list[DecisionPair] = []
     same: list[DecisionPair] = []
     for car in one.traces.keys() & other.traces.keys():
-        for pair in zip_longest(_decisions(one, car), _decisions(other, car)):
-            difference = DecisionPair(*pair)
-            if not _is_one(difference, within_s):
-                first.append(difference)
-                break
-            made += 1
-            same.append(difference)
+        of_one, of_other = _by_kind(one, car), _by_kind(other, car)
+        for kind in of_one.keys() | of_other.keys():
+            for pair in zip_longest(of_one.get(kind, ()), of_other.get(kind, ())):
+                difference = DecisionPair(*pair)
+                if not _is_one(difference, within_s):
+                    differences.append(difference)
+                    break
+                same.append(difference)
     return RunComparison(
-        made,
-        min(first, key=lambda each: each.at_s, default=None),
+        len(same),
+        tuple(sorted(differences, key=lambda each: each.at_s)),
         max(same, key=_apart_s, default=None),
     )
 
@@ -80,7 +89,16 @@ def _apart_s(difference: DecisionPair) -> float:
     return abs(difference.one.at_s - difference.other.at_s)
 
 
-def _decisions(log: RunLog, car: str) -> Iterator[Decision]:
+def _by_kind(log: RunLog, car: str) -> dict[str, list[Decision]]:
+    """Decisions of one car, by the kind of their records, and alarms by their cause."""
+    decisions = sorted(_decisions(log, car), key=lambda each: each[0])
+    return {
+        kind: [decision for _, decision in some]
+        for kind, some in groupby(decisions, key=lambda each: each[0])
+    }
+
+
+def _decisions(log: RunLog, car: str) -> Iterator[tuple[str, Decision]]:
     """Those of one car from the start of the scenario on; cautions depend on noise and are none."""
     is_braking = False
     for record in log.traces[car]:
@@ -90,7 +108,12 @@ def _decisions(log: RunLog, car: str) -> Iterator[Decision]:
                 continue
         what, at_s = _what(log, record), log.at_s(record)
         if what is not None and at_s >= 0.0:
-            yield Decision(at_s, car, what)
+            yield _kind(record), Decision(at_s, car, what)
+
+
+def _kind(record: Record) -> str:
+    is_alarm = record["kind"] == "alarm"
+    return f"alarm: {record['cause']}" if is_alarm else str(record["kind"]).partition("_")[0]
 
 
 def _what(log: RunLog, record: Record) -> str | None:

@@ -13,7 +13,7 @@ from rich.table import Table
 from onboard.errors import UserError
 from sim_rig.boxes.settings import BoxSettings, load_boxes
 from sim_rig.reporting.verdict import Outcome
-from sim_rig.run_log.first_difference import Decision, RunComparison, compare
+from sim_rig.run_log.first_difference import Decision, DecisionPair, RunComparison, compare
 from sim_rig.run_log.latency_ledger import HOPS, ledger
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.command import only_virtual, run_and_report, run_in_virtual_time
@@ -118,12 +118,13 @@ def sentence(found: RunComparison) -> str:
             f"the same {found.decisions} decisions; the times of {latest.one.car}'s"
             f" «{latest.one.what}» differ most, by {apart_s:.2f} s"
         )
-    one, other = found.first.one, found.first.other
-    car = (one or other).car  # type: ignore[union-attr]  # one of the two is there
-    return (
-        f"{found.decisions} decisions are the same; they first differ at {found.first.at_s:.1f} s:"
-        f" {car} {_decided(one)} and {_decided(other)}"
-    )
+    different = "; ".join(map(_difference, found.differences))
+    return f"{found.decisions} decisions are the same; others differ: {different}"
+
+
+def _difference(pair: DecisionPair) -> str:
+    car = (pair.one or pair.other).car  # type: ignore[union-attr]  # one of the two is there
+    return f"at {pair.at_s:.1f} s {car} {_decided(pair.one)} and {_decided(pair.other)}"
 
 
 def _decided(decision: Decision | None) -> str:

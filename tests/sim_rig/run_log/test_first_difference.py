@@ -64,6 +64,17 @@ def test_a_decision_that_one_run_lacks_is_a_difference() -> None:
     assert (found.first.one, found.first.at_s) == (None, 7.5)
 
 
+def test_an_alarm_that_one_run_lacks_does_not_hide_that_all_else_is_the_same() -> None:
+    one = log_of(red=[alarm(0.5), member(1.0), brake(5.0)])
+    other = log_of(red=[member(1.1), brake(5.1), member(6.0, 3)])
+    found = compare(one, other, within_s=0.5)
+    assert found.decisions == 2
+    assert [(each.one, each.other) for each in found.differences] == [
+        (Decision(0.5, "red", "alarm: fcw"), None),
+        (None, Decision(6.0, "red", "member 3 behind green")),
+    ]
+
+
 def test_refreshes_cautions_ends_and_changes_of_braking_are_no_decisions() -> None:
     one = log_of(red=[member(1.0), brake(5.0), brake(6.0, is_over=True)])
     other = log_of(
