@@ -16,6 +16,13 @@ BOX = f"{FOLDER}/box"
 """Folder of the black box."""
 COMMANDS = "/dev/udp/127.0.0.1/5397"
 """Port of the rig's commands, in the notation of bash."""
+DEAD_RELEASE = """set -e
+onboard-releases proven
+cd /opt/onboard/releases
+cp -a "$(basename "$(readlink ../current)")" dead
+echo 'exit 1' >dead/venv/bin/onboard
+onboard-releases switch dead
+"""
 POLL_S, POLLS = 0.5, 120
 """Interval in guest time at which the trace is read, and how often at most."""
 
@@ -23,6 +30,8 @@ RESTART_S = 5.0
 """Limit from the end of the daemon to the next one's being ready."""
 BOOT_S = 120.0
 """Limit from power-on to ready, most of which is Debian's boot on the guest's slow processor."""
+FALL_BACK_S = 15.0
+"""Limit from the start of a release that ends at its start, until the good one is ready."""
 WATCHDOG_S = 2.0
 STOP_S = 2.0
 
@@ -74,6 +83,7 @@ class VmDrive:
             self.switch_radio_off,
             self.fill_disk,
             self.refuse_configuration,
+            self.fall_back,
         ]
         return [*anywhere, self.step_clock] if self._has_kernel else anywhere
 
@@ -201,6 +211,17 @@ class VmDrive:
         ready_s = self._time_of(good_s, "ready")
         yield StatusRow("reload: invalid refused, valid accepted", None, ready_s - good_s, 20.0)
         self._time_of(good_s, "transition", state="member")
+
+    def fall_back(self) -> Iterator[StatusRow]:
+        """An update to a release that ends at its start, while the one in use is good."""
+        self._run(DEAD_RELEASE)
+        began_s = self._run("systemctl restart --no-block onboard").began_s
+        ready_s = self._time_of(began_s, "ready")
+        releases = self._run("onboard-releases list").output
+        if "dead  failed" not in releases or "current, good" not in releases:
+            raise NotSeenError(f"the good release is not in use: {releases}")
+        what = "update to a release that ends at its start"
+        yield StatusRow(what, None, ready_s - began_s, FALL_BACK_S, "the good one is ready")
 
     def after_power_cut(self, drive: str) -> Iterator[StatusRow]:
         """The machine has been switched on again after a power cut.
