@@ -22,7 +22,6 @@ from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages import lcca
-from onboard.messages.exchanged import MessageReceived
 from onboard.misbehaviour.alarm_claims import NOBODY, AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
 from onboard.misbehaviour.pending_warnings import PendingWarnings
@@ -141,7 +140,6 @@ class LccaApplication:
             stated: of a signed copy of a warning, what the braking vehicle stated.
             heading_rad: of the host vehicle, clockwise from north; `None` if it is not known.
         """
-        self._events.append(MessageReceived(now, message.kind, signer, lcca.as_dict(message)))
         if signer is not None and not isinstance(message, lcca.Inquiry):  # which needs no proof
             self._misbehaviour.receive_car_id(signer, message.sender_id)
         match message:

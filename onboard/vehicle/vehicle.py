@@ -30,8 +30,10 @@ from onboard.intersections.intersections import Intersections
 from onboard.lcca.events import BrakingStatement
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
+from onboard.messages import lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.exchanged import MessageReceived
 from onboard.messages.lcca import LccaMessage
 from onboard.messages.map_data import MapData
 from onboard.messages.sdsm import SensorDataSharingMessage
@@ -317,6 +319,8 @@ class Vehicle(Core):
                 utc_s = now + self._utc_offset_s
                 self._intersections.receive_spat(message, signer_id, now, utc_s)
             case _:
+                content = lcca.as_dict(message)
+                self.put_out(MessageReceived(now, message.kind, signer_id, content))
                 self._lcca.receive_message(
                     message,
                     signer_id,

@@ -5,7 +5,9 @@ import pytest
 from typing_extensions import override
 
 from onboard.core import Core
+from onboard.lcca.events import WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.exchanged import MessageReceived
 from onboard.observations import BrakeCause, HardBrake, Position, Sensor, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.lcca_warning import LCCA
@@ -92,6 +94,16 @@ def test_a_braking_ahead_raises_the_alarm_behind(lane: Lane) -> None:
         for plate, events in lane.events.items()
     }
     assert raised == {AHEAD: [], BEHIND: [LCCA]}
+
+
+def test_a_message_is_reported_before_what_follows_from_it(lane: Lane) -> None:
+    lane.events[BEHIND].clear()
+    brake = HardBrake(lane.now, 6.0, "test", BrakeCause.DECELERATION)
+    lane.vehicles[AHEAD].receive_observation(brake, lane.now)
+    lane.drive(0.5)
+
+    kinds = [type(event) for event in lane.events[BEHIND]]
+    assert kinds.index(MessageReceived) < kinds.index(WarningRaised) < kinds.index(Alarm)
 
 
 def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:

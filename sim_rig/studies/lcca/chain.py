@@ -143,6 +143,10 @@ class Platoon:
         speedometers = rng.uniform(*_SPEEDOMETER, cars)
         self._measured_m_s = np.round(self._speed_m_s * speedometers / KM_H) * KM_H
         self._sights = {car: self._sight(car, case.sight, seed) for car in self._radios if car}
+        self._identifying = {
+            car for car, sight in self._sights.items() if isinstance(sight, MeasuredSight)
+        }
+        """Cars that compare speeds on the air with their lead's."""
         self._lossy_channel = LossyChannel(
             positions_m,
             self._radios,
@@ -280,7 +284,7 @@ class Platoon:
                 self._send(car, now)
         for sender, receivers in self._channel.bsms_received(now):
             temporary_id, speed_m_s = _temporary_id(sender), float(self._measured_m_s[sender])
-            for car in receivers:
+            for car in self._identifying.intersection(receivers):
                 self._awake(car).identification.receive_speed_on_air(
                     temporary_id, temporary_id, speed_m_s, now
                 )
