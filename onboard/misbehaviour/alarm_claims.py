@@ -12,7 +12,7 @@ from onboard.lcca.events import WarningLevel, WarningRaised
 from onboard.messages.lcca import CarId, Warn
 from onboard.misbehaviour.signer_credibility import SignerCredibility
 from onboard.observations import BrakeCause, Lead
-from onboard.risk.alarm import Assessment, Cause
+from onboard.risk.alarm import Assessment, Cause, Level
 from onboard.risk.alarm_table import row_of
 from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -50,12 +50,17 @@ class AlarmClaims:
         self._signer_of = signer_of
         self._has_sight = has_sight
         self._host = host
+        self._identified: Collection[bytes] = ()
         self._lead_track: int | None = None
         self._objects: dict[str, PerceivedObject] = {}
         self._first_signers: OrderedDict[tuple[CarId, int], bytes] = OrderedDict()
         """First signer of each braking, by its vehicle and first sequence number."""
         self._brakings: OrderedDict[str, bytes] = OrderedDict()
         """Signer of the last one of each vehicle, by the name that alarms have for it."""
+
+    def receive_identified(self, signers: Collection[bytes]) -> None:
+        """Take the signers of the vehicles that the host has identified; replaces the last ones."""
+        self._identified = signers
 
     def receive_warn(self, warn: Warn, signer: bytes | None) -> None:
         """Take a warning on the air that the group is given next; `signer` claims the braking."""
@@ -107,7 +112,13 @@ class AlarmClaims:
         for name in dict.fromkeys(reason.name for reason in assessment.reasons):
             signers = self._claimants(name)
             if signers and not self.credibility.admit(
-                cause, name, signers, now, slows_traffic=slows_traffic
+                cause,
+                name,
+                signers,
+                now,
+                slows_traffic=slows_traffic,
+                is_warning=assessment.level is Level.WARNING,
+                identified=self._identified,
             ):
                 return False
         return True
@@ -117,6 +128,11 @@ class AlarmClaims:
         return all(
             self.credibility.is_ignored(one, now) for one in signers
         ) and not self.credibility.is_paid(name, now)
+
+    def is_refused(self, name: str, signer: bytes, now: float) -> bool:
+        """Whether a warning of a braking, as this signer claims it, raises no alarm."""
+        is_credible = self.credibility.is_credible(signer, now, self._identified)
+        return not is_credible and not self.credibility.is_paid(name, now)
 
     def _may_alarm(self, each: PerceivedObject, now: float) -> bool:
         signers = self._claimants(each.name)

@@ -140,6 +140,10 @@ class MisbehaviourDetector:
         self._car_ids.receive_claim(car_id, sender)
         return self.is_id_unique(car_id)
 
+    def owner_of(self, car_id: bytes) -> bytes | None:
+        """Return the only sender that uses a communication ID; `None` if there is none, or two."""
+        return self._car_ids.owner(car_id)
+
     def is_id_unique(self, car_id: bytes) -> bool:
         """Whether at most one sender has used this communication ID."""
         return not self._car_ids.is_disputed(car_id)

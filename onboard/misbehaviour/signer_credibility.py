@@ -10,6 +10,10 @@ ignored: it raises none until its charges have decayed (detection by the receive
 One signer so raises at most `MOST_ALARMS` false alarms, together no longer than that many
 `CLAIM_S`, whatever it claims, and then one in 70 minutes. A road-side unit tells many vehicles for
 ever of what they do not see: it may raise `MOST_ALARMS_OF_UNIT`.
+
+One vehicle has many certificates at a time. So each signer that stands charged takes one alarm from
+all others, and many together raise no more than twice `MOST_ALARMS`, by turns `MOST_ALARMS`. Then
+claims need own sensors, or a signer that the host has identified.
 """
 
 import math
@@ -30,6 +34,9 @@ MOST_ALARMS_OF_UNIT = 30
 crossing raises in a passage. Ours."""
 HALF_LIFE_S = 7200.0
 """In which charges decay by half: a vehicle is ignored for 70 minutes, a unit for 6."""
+CAUTION_SHARE = 0.2
+"""Of an alarm, by which one that stays at caution level counts against other signers: no sensor
+confirms a caution of honest traffic now and then, and hardly ever a warning is not confirmed."""
 CLAIM_S = 10.0
 """Time for which an alarm is paid for, and in which it is confirmed: dangers that an alarm tells of
 are seconds away."""
@@ -60,15 +67,27 @@ class _Charges:
 
     sum: float = 0.0
     """At `at_s`."""
+    weighed: float = 0.0
+    """The same, but cautions count `CAUTION_SHARE`."""
     at_s: float = 0.0
 
     def at(self, now: float) -> float:
         """Return what is left of them."""
-        return self.sum * math.exp2(-max(now - self.at_s, 0.0) / HALF_LIFE_S)
+        return self.sum * self._left(now)
 
-    def add(self, share: float, now: float) -> None:
+    def counted(self, now: float) -> float:
+        """Return what is left of the weighed ones, as they count against others: at most 1."""
+        return min(self.weighed * self._left(now), 1.0)
+
+    def add(self, share: float, weighed: float, now: float) -> None:
         """Charge a share of an alarm, or take it back."""
-        self.sum, self.at_s = max(self.at(now) + share, 0.0), now
+        left = self._left(now)
+        self.sum = max(self.sum * left + share, 0.0)
+        self.weighed = max(self.weighed * left + weighed, 0.0)
+        self.at_s = now
+
+    def _left(self, now: float) -> float:
+        return math.exp2(-max(now - self.at_s, 0.0) / HALF_LIFE_S)
 
 
 @dataclass(slots=True)
@@ -80,6 +99,8 @@ class _Claim:
     slows_traffic: bool
     fastest_m_s: float
     """Of the traffic ahead, since shortly before the alarm."""
+    weight: float
+    """By which it counts against other signers."""
 
     def lasts(self, now: float) -> bool:
         """Whether its alarm is paid for and on: alarms end after `RELEASE_S`."""
@@ -106,6 +127,12 @@ class SignerCredibility(Core):
         most = MOST_ALARMS_OF_UNIT if self._is_road_side_unit(signer) else MOST_ALARMS
         return charges.at(now) + 1.0 > most
 
+    def is_credible(self, signer: bytes, now: float, identified: Collection[bytes] = ()) -> bool:
+        """Whether its claim of a braking ahead may raise an alarm; see `admit`."""
+        return not self.is_ignored(signer, now) and (
+            signer in identified or self._has_allowance(signer, now) or self._has_slowed(now)
+        )
+
     def is_paid(self, vehicle: str, now: float) -> bool:
         """Whether an alarm about this vehicle is on."""
         return any(
@@ -120,10 +147,14 @@ class SignerCredibility(Core):
         now: float,
         *,
         slows_traffic: bool,
+        is_warning: bool = True,
+        identified: Collection[bytes] = (),
     ) -> bool:
         """Take a claim; return whether it may raise an alarm, or keep it on.
 
         Who is not ignored pays for it. To be called at 10 Hz while the claim calls for the alarm.
+        Who is not identified shares an allowance with all others: each of them that stands charged
+        takes an alarm from it. Then a braking ahead raises an alarm once the traffic slows down.
 
         Args:
             alarm: its cause.
@@ -131,20 +162,28 @@ class SignerCredibility(Core):
             signers: who claims it; not empty.
             now: the time.
             slows_traffic: whether the traffic ahead slows down if the claim is true.
+            is_warning: whether it calls for an alarm of warning level.
+            identified: signers whose vehicles the host has identified.
         """
+        weight = 1.0 if is_warning else CAUTION_SHARE
         known = self._claims.get((alarm, vehicle))
         if known is not None and known.lasts(now):
             known.asked_at = now
+            self._weigh(known, weight, now)
             return True
-        payers = [signer for signer in sorted(signers) if not self.is_ignored(signer, now)]
-        if not payers:
+        credible = [signer for signer in sorted(signers) if not self.is_ignored(signer, now)]
+        payers = [each for each in credible if each in identified or self._has_allowance(each, now)]
+        if not payers and not (credible and slows_traffic and self._has_slowed(now)):
             return False
         for signer in payers:
-            self._charge(signer, 1.0 / len(payers), vehicle, now)
-        recent_m_s = (speed for at, speed in self._speeds if now - at <= EARLIER_S)
-        fastest_m_s = max(recent_m_s, default=-math.inf)
+            self._charge(signer, 1.0 / len(payers), weight / len(payers), vehicle, now)
         self._claims[alarm, vehicle] = _Claim(
-            tuple(payers), now, now + CLAIM_S, slows_traffic, fastest_m_s
+            tuple(payers),
+            now,
+            now + CLAIM_S,
+            slows_traffic,
+            max(self._recent_m_s(now), default=-math.inf),
+            weight,
         )
         self._claims.move_to_end((alarm, vehicle))
         if len(self._claims) > _MAX_CLAIMS:
@@ -181,14 +220,45 @@ class SignerCredibility(Core):
         if now >= claim.ends_at:
             return
         for signer in claim.signers:
-            self._charges.setdefault(signer, _Charges()).add(-1.0 / len(claim.signers), now)
+            payers = len(claim.signers)
+            charges = self._charges.setdefault(signer, _Charges())
+            charges.add(-1.0 / payers, -claim.weight / payers, now)
         claim.signers = ()
         claim.ends_at = now + CLAIM_S
 
-    def _charge(self, signer: bytes, share: float, vehicle: str, now: float) -> None:
+    def _recent_m_s(self, now: float) -> list[float]:
+        """Return the speeds of the traffic ahead since shortly before now."""
+        return [speed for at, speed in self._speeds if now - at <= EARLIER_S]
+
+    def _has_slowed(self, now: float) -> bool:
+        recent_m_s = self._recent_m_s(now)
+        return bool(recent_m_s) and recent_m_s[-1] <= max(recent_m_s) - SLOWED_M_S
+
+    def _has_allowance(self, signer: bytes, now: float) -> bool:
+        """Whether others that stand charged leave it an alarm; units share it with nobody."""
+        if self._is_road_side_unit(signer):
+            return True
+        own = self._charges.get(signer)
+        others = sum(
+            each.counted(now)
+            for name, each in self._charges.items()
+            if name != signer and not self._is_road_side_unit(name)
+        )
+        return (0.0 if own is None else own.at(now)) + others + 1.0 <= MOST_ALARMS
+
+    def _weigh(self, claim: _Claim, weight: float, now: float) -> None:
+        """Let a claim count as its alarm's highest level."""
+        more = max(weight - claim.weight, 0.0)
+        claim.weight += more
+        for signer in claim.signers if more else ():
+            self._charges[signer].add(0.0, more / len(claim.signers), now)
+
+    def _charge(
+        self, signer: bytes, share: float, weighed: float, vehicle: str, now: float
+    ) -> None:
         charges = self._charges.setdefault(signer, _Charges())
         self._charges.move_to_end(signer)
-        charges.add(share, now)
+        charges.add(share, weighed, now)
         if self.is_ignored(signer, now):
             self._events.append(SignerIgnored(now, signer, vehicle))
         if len(self._charges) > _MAX_SIGNERS:

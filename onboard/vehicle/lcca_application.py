@@ -91,6 +91,8 @@ class LccaApplication:
         tracked = TrackedLead.of(lead, lambda text: self._digest.car_id(text, utc_s))
         self.identification.receive_lead(tracked, now)
         self.follow_lead(now)
+        if self._claims is not None:
+            self._claims.receive_identified(self._identified_signers())
 
     def follow_lead(self, now: float) -> None:
         """Hand the lead to the warning group, under its ID if it is identified."""
@@ -167,6 +169,7 @@ class LccaApplication:
         while (passed := self._pending_warnings.next_warning()) is not None:
             warning, signer = passed
             if self._claims is not None:
+                self._claims.receive_identified(self._identified_signers())
                 self._claims.receive_warn(warning, signer)
             self.group.receive_message(warning, now)
             yield from self._taken()
@@ -220,6 +223,13 @@ class LccaApplication:
             return True
         return False
 
+    def _identified_signers(self) -> frozenset[bytes]:
+        """Return who signs for the lead, and for the leader that it names to its group."""
+        lead = self.identification.sender
+        is_member = self.group.predecessor_id is not None
+        leader = self._misbehaviour.owner_of(self.group.leader_id) if is_member else None
+        return frozenset(signer for signer in (lead, leader) if signer is not None)
+
     def _claimant(
         self, signer: bytes | None, stated: BrakingStatement | None, now: float
     ) -> bytes | None:
@@ -236,7 +246,7 @@ class LccaApplication:
         """Whether a braking is claimed, and who claims it is not credible."""
         if self._claims is None or warn.cause in (lcca.WarnCause.OVER, lcca.WarnCause.TEST):
             return False
-        return self._claims.is_ignored(warn.event_origin_id.hex(), (claimant or NOBODY,), now)
+        return self._claims.is_refused(warn.event_origin_id.hex(), claimant or NOBODY, now)
 
     @property
     def _lead_text(self) -> str | None:

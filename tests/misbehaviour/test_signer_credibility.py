@@ -1,6 +1,9 @@
 """Charges of signers for alarms that nothing confirms."""
 
+from collections.abc import Collection
+
 from onboard.misbehaviour.signer_credibility import (
+    CAUTION_SHARE,
     CLAIM_S,
     HALF_LIFE_S,
     MOST_ALARMS,
@@ -22,14 +25,26 @@ class Host:
         self.now = 0.0
 
     def claim(
-        self, name: str, *signers: bytes, for_s: float = 0.1, slows_traffic: bool = False
+        self,
+        name: str,
+        *signers: bytes,
+        for_s: float = 0.1,
+        slows_traffic: bool = False,
+        is_warning: bool = True,
+        identified: Collection[bytes] = (),
     ) -> int:
         """Return at how many of the assessments the alarm is admitted."""
         admitted = 0
         for _ in range(round(for_s / 0.1)):
             self.now += 0.1
             admitted += self.credibility.admit(
-                "ima", name, signers or (LIAR,), self.now, slows_traffic=slows_traffic
+                "ima",
+                name,
+                signers or (LIAR,),
+                self.now,
+                slows_traffic=slows_traffic,
+                is_warning=is_warning,
+                identified=identified,
             )
         return admitted
 
@@ -152,14 +167,14 @@ def test_slow_traffic_does_not_confirm_a_vehicle_that_crosses() -> None:
 
 def test_several_signers_share_a_charge() -> None:
     host = Host()
-    assert [host.claim(str(i), LIAR, OTHER) for i in range(8)] == [1] * 5 + [0] * 3
+    assert [host.claim(str(i), LIAR, OTHER) for i in range(8)] == [1] * 3 + [0] * 5
 
 
 def test_of_several_signers_only_those_that_are_credible_pay() -> None:
     host = Host()
     for name in "abc":
         host.claim(name)
-    assert [host.claim(name, LIAR, OTHER) for name in "defg"] == [1, 1, 1, 0]
+    assert [host.claim(name, LIAR, OTHER) for name in "defg"] == [1, 1, 0, 0]
 
 
 def test_memory_is_bounded() -> None:
@@ -168,3 +183,93 @@ def test_memory_is_bounded() -> None:
         host.claim(str(number), number.to_bytes(8))
     assert len(host.credibility._charges) <= 1024
     assert len(host.credibility._claims) <= 256
+
+
+PSEUDONYMS = [bytes([number]) * 8 for number in range(20)]
+
+
+def test_pseudonyms_by_turns_raise_as_many_false_alarms_as_one_signer() -> None:
+    """Twenty pseudonyms of one enrolment raised twenty false alarms in two minutes."""
+    host = Host()
+
+    admitted = [host.claim(signer.hex(), signer) for signer in PSEUDONYMS]
+
+    assert admitted == [1] * MOST_ALARMS + [0] * (20 - MOST_ALARMS)
+
+
+def test_in_the_best_order_they_raise_twice_as_many_in_three_hours() -> None:
+    host = Host()
+
+    admitted = [host.claim(f"{n}{s.hex()}", s) for s in PSEUDONYMS for n in range(MOST_ALARMS)]
+    host.pause(3.0 * HOUR_S)
+
+    assert sum(admitted) == 2 * MOST_ALARMS
+    assert host.claim("later", PSEUDONYMS[9]) == 0
+
+
+def test_a_liar_with_one_certificate_costs_the_others_no_alarm() -> None:
+    host = Host()
+    for name in "abc":
+        host.claim(name)
+
+    assert [host.claim(signer.hex(), signer) for signer in PSEUDONYMS[:2]] == [1, 1]
+
+
+def test_a_stranger_is_heard_again_when_the_charges_have_decayed() -> None:
+    host = Host()
+    for signer in PSEUDONYMS[:MOST_ALARMS]:
+        host.claim(signer.hex(), signer)
+    host.pause(70.0 * 60.0)
+    assert host.claim("x", OTHER) == 0
+    host.pause(60.0)
+
+    assert host.claim("x", OTHER) == 1
+
+
+def test_whoever_is_identified_is_heard_whatever_others_have_claimed() -> None:
+    host = Host()
+    for signer in PSEUDONYMS:
+        host.claim(signer.hex(), signer)
+
+    assert host.claim("x", OTHER) == 0
+    assert [host.claim(name, OTHER, identified={OTHER}) for name in "abcd"] == [1, 1, 1, 0]
+
+
+def test_traffic_that_slows_down_speaks_for_a_stranger() -> None:
+    host = Host()
+    for signer in PSEUDONYMS:
+        host.claim(signer.hex(), signer)
+    host.traffic(20.0, 20.0)
+    assert host.claim("x", OTHER, slows_traffic=True) == 0
+
+    host.traffic(20.0 - SLOWED_M_S)
+
+    assert host.claim("x", OTHER) == 0
+    assert host.claim("x", OTHER, slows_traffic=True) == 1
+    assert not host.credibility.is_ignored(OTHER, host.now)
+
+
+def test_cautions_of_many_signers_cost_others_little_until_they_become_warnings() -> None:
+    host = Host()
+    few = PSEUDONYMS[: round(2.0 / CAUTION_SHARE)]
+    for signer in few:
+        assert host.claim(signer.hex(), signer, is_warning=False) == 1
+    assert host.claim("x", OTHER) == 1
+
+    host = Host()
+    for signer in few[:MOST_ALARMS]:
+        host.claim(signer.hex(), signer, is_warning=False)
+        host.claim(signer.hex(), signer)
+    assert host.claim("x", OTHER) == 0
+
+
+def test_a_unit_and_vehicles_share_no_allowance() -> None:
+    host = Host()
+    for signer in PSEUDONYMS:
+        host.claim(signer.hex(), signer)
+    assert host.claim("of the unit", UNIT) == 1
+
+    host = Host()
+    for number in range(MOST_ALARMS_OF_UNIT):
+        host.claim(str(number), UNIT)
+    assert host.claim("x", OTHER) == 1

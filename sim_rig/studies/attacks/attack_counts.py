@@ -15,3 +15,5 @@ class AttackCounts:
     true_alarms: int
     """That are due."""
     true_missed: int
+    least_notice_s: float | None = None
+    """Time before the conflict at which a true vehicle was warned of, in the worst case."""

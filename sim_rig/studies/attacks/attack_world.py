@@ -6,6 +6,7 @@ every alarm rests on claims alone.
 
 import math
 from collections.abc import Callable, Container, Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +34,8 @@ ORIGIN = LocalFrame(48.1, 11.5)
 SPEED_M_S = 14.0
 STEP_S = 0.1
 FOOTER_BYTES = 400
+PSEUDONYMS = 20
+"""Certificates of one vehicle that are valid at a time: so many the US authorities issue a week."""
 PLACE_SIGMA_M = 0.3
 """That insiders claim."""
 
@@ -124,6 +127,16 @@ class Signer:
         """Return a payload signed, in a WSM."""
         secured = self._security.secure(payload, service, now)
         return wsmp.encode(WaveShortMessage(service, secured))
+
+
+def pseudonyms_of(keys: Credentials, insider: int, utc_s: float) -> list[Signer]:
+    """Return a radio for each pseudonym of an insider."""
+    return [
+        Signer(
+            replace(keys, pseudonyms=(each,)), utc_s, bytes((0xD0 + insider,)) + bytes((0, 0, n))
+        )
+        for n, each in enumerate(keys.pseudonyms)
+    ]
 
 
 class AttackedHost:

@@ -1,18 +1,35 @@
 """What insiders claim to one host vehicle, and what it makes of that beside true vehicles."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
+from onboard.observations import VehicleDetection
 from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_counts import AttackCounts
-from sim_rig.studies.attacks.attack_world import SPEED_M_S, AttackedHost, Place, Signer, claimed_id
-from sim_rig.studies.attacks.brake_claims import ClaimedBraking, OwnSensors, by_bsm, by_footer
+from sim_rig.studies.attacks.attack_world import (
+    PSEUDONYMS,
+    SPEED_M_S,
+    STEP_S,
+    AttackedHost,
+    Place,
+    Signer,
+    claimed_id,
+    pseudonyms_of,
+)
+from sim_rig.studies.attacks.brake_claims import (
+    FACE_TO_CENTRE_M,
+    ClaimedBraking,
+    OwnSensors,
+    by_bsm,
+    by_footer,
+)
 from sim_rig.studies.attacks.group_attacks import (
     group_brakings,
     group_ends,
@@ -25,6 +42,8 @@ PASS_S = 6.0
 """Time in which an invented vehicle comes to the place where it would hit the host."""
 TRUE_EVERY_S = 20.0
 """Between true vehicles."""
+SEEN_S = 1.2
+"""Before the conflict, the host's detector sees a true vehicle: houses stand 12 m from the road."""
 
 
 class AttackKind(StrEnum):
@@ -36,15 +55,22 @@ class AttackKind(StrEnum):
     FLICKERING = "vehicle in and out of the way"
     FOUR = "four crossing vehicles at once"
     BRAKING = "vehicle ahead that brakes hard"
+    TURNS = "crossing vehicles, under 20 pseudonyms by turns"
+    PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
     GROUP_UPDATES = "group updates under the leader's next numbers"
     GROUP_ENDS = "ends of the leader's brakings"
     GROUP_EARLY = "brakings of the leader before it brakes"
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
+    GROUP_TURNS = "brakings of invented vehicles, under 20 pseudonyms by turns"
     BRAKE_CAMERA = "brake requests by BSMs from the place of the camera's lead"
     BRAKE_BOTH = "brake requests by BSMs from there, with a detector too"
     BRAKE_DETECTOR = "brake requests by BSMs from the place of what a detector sees"
     BRAKE_FOOTER = "brake requests by footers about what a detector sees"
+
+
+Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]
+"""Messages of one attack: of a host, a signer, the insider's number, and the time."""
 
 
 def run_host(
@@ -62,36 +88,65 @@ def run_host(
     encounters = int(seconds // TRUE_EVERY_S)
     names = [f"insider{n}" for n in range(insiders)] + [f"true{n}" for n in range(encounters)]
     new_key = key_from(np.random.default_rng(seed))
-    trial = make_trial(["host", *names], {psid.BSM}, START_UTC_S, new_key, pseudonyms=1)
+    several = PSEUDONYMS if attack in VEHICLES_UNDER_EACH else 1
+    trial = make_trial(["host", *names], {psid.BSM}, START_UTC_S, new_key, pseudonyms=several)
     host = AttackedHost(trial["host"], START_UTC_S, checks=checks)
-    signers = [Signer(trial[name], START_UTC_S, name[-4:].encode()) for name in names[:insiders]]
+    senders = [
+        partial(_by_turns, attack, host, pseudonyms_of(trial[name], n, START_UTC_S), n)
+        for n, name in enumerate(names[:insiders])
+    ]
     true = [
         Signer(trial[name], START_UTC_S, _true_id(n)) for n, name in enumerate(names[insiders:])
     ]
-    senders = [partial(CLAIMS[attack], host, each, n) for n, each in enumerate(signers)]
     host.drive(seconds, *senders, partial(_true_vehicles, host, true))
     true_ids = {each.temporary_id.hex() for each in true}
-    warned = {
-        claimed_id(event)
-        for event in host.events
-        if isinstance(event, Alarm) and event.level is Level.WARNING
-    }
+    warned = _notices_s(host)
     return AttackCounts(
         false_alarms=sum(claimed_id(alarm) not in true_ids for alarm in host.raised()),
         false_alarm_s=round(host.alarmed_s(true_ids), 1),
         ignored=len(host.ignored()),
         true_alarms=encounters,
-        true_missed=len(true_ids - warned),
+        true_missed=len(true_ids - warned.keys()),
+        least_notice_s=min(
+            (round(warned[each], 1) for each in true_ids & warned.keys()), default=None
+        ),
     )
 
 
+def _notices_s(host: AttackedHost) -> dict[str, float]:
+    """Return how long before the end of its period each vehicle was first warned of."""
+    notices_s: dict[str, float] = {}
+    for event in host.events:
+        if isinstance(event, Alarm) and event.level is Level.WARNING:
+            notices_s.setdefault(claimed_id(event), TRUE_EVERY_S - event.stamp_s % TRUE_EVERY_S)
+    return notices_s
+
+
+def _by_turns(
+    attack: AttackKind, host: AttackedHost, signers: list[Signer], insider: int, now: float
+) -> Iterator[bytes]:
+    """Send what an attack says, under the pseudonym whose turn it is."""
+    passes = int((now + 1.1 * insider) // PASS_S)
+    number = passes // VEHICLES_UNDER_EACH.get(attack, 1)
+    yield from CLAIMS.get(attack, crossing_bsm)(host, signers[number % len(signers)], insider, now)
+
+
 def _true_vehicles(host: AttackedHost, true: list[Signer], now: float) -> Iterator[bytes]:
-    """Vehicles from the left, each in the last `PASS_S` of its period."""
+    """Vehicles from the left, each in the last `PASS_S` of its period; the host sees it late."""
     number, into_s = divmod(now, TRUE_EVERY_S)
     left_s = TRUE_EVERY_S - into_s
+    host.seen = _seen(now + STEP_S, left_s - STEP_S) if number < len(true) else ()
     if left_s <= PASS_S and number < len(true):
         ahead_m = SPEED_M_S * left_s
         yield true[int(number)].bsm_at((-ahead_m, host.north_m + ahead_m), (SPEED_M_S, 0.0), now)
+
+
+def _seen(now: float, left_s: float) -> tuple[VehicleDetection, ...]:
+    """Return what the detector measures of a true vehicle `left_s` before the conflict."""
+    if not 0.0 < left_s <= SEEN_S:
+        return ()
+    range_m = math.sqrt(2.0) * SPEED_M_S * left_s - FACE_TO_CENTRE_M
+    return (VehicleDetection(now, 1, max(range_m, 0.1), 0.2, -math.pi / 4.0, 0.01),)
 
 
 def _crossing(host: AttackedHost, insider: int, now: float) -> tuple[int, Place]:
@@ -170,7 +225,7 @@ def same_id(host: AttackedHost, signer: Signer, insider: int, now: float) -> Ite
     yield signer.bsm_at(place_m, (0.0, 0.0), now, temporary_id=_true_id(number))
 
 
-CLAIMS = {
+CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.BSM: crossing_bsm,
     AttackKind.FOOTER: crossing_footer,
     AttackKind.ETERNAL: eternal,
@@ -179,12 +234,15 @@ CLAIMS = {
     AttackKind.BRAKING: braking_ahead,
     AttackKind.SAME_ID: same_id,
 }
-"""The messages of each attack: of a host, a signer, the insider's number, and the time."""
+"""The messages of each attack by BSMs."""
+VEHICLES_UNDER_EACH = {AttackKind.TURNS: 1, AttackKind.PSEUDONYMS: 3}
+"""How many crossing vehicles each pseudonym claims, one after the other."""
 FORGERIES = {
     AttackKind.GROUP_UPDATES: group_updates,
     AttackKind.GROUP_ENDS: group_ends,
     AttackKind.GROUP_EARLY: group_levels,
     AttackKind.GROUP_BRAKINGS: group_brakings,
+    AttackKind.GROUP_TURNS: group_brakings,
 }
 """What is forged in a warning group."""
 BRAKE_CLAIMS = {

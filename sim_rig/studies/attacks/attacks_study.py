@@ -1,8 +1,9 @@
 """What insiders cost: false alarms, and true ones that are missed, by attack and insiders.
 
-An insider has one certificate and sends ten messages a second. Vehicles that truly cross come every
-`TRUE_EVERY_S`, each under a certificate of its own. Nothing that is claimed is seen by the host's
-own sensors, which is the best case for the insiders. One case of each attack is run without checks.
+An insider has one certificate, where nothing else is said, and sends ten messages a second.
+Vehicles that truly cross come every `TRUE_EVERY_S`, each under a certificate of its own; the host's
+detector sees them late, and nothing that the insiders claim. One case of each attack is run without
+checks.
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from pydantic import Field
 
 from onboard.settings import Settings
 from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.attacks.attack_world import PSEUDONYMS
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     FORGERIES,
@@ -80,6 +82,8 @@ class AttackRow:
     true_alarms: int
     """That are due."""
     true_missed: int
+    least_notice_s: float | None
+    """Time before the conflict at which a true vehicle was warned of, in the worst case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +101,7 @@ class AttackLine:
     """Of the first run."""
     true_alarms: int
     true_missed: int
+    least_notice_s: float | None
 
 
 def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
@@ -105,7 +110,10 @@ def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
     seed, seconds = (settings.seed, case.number), settings.seconds
     if case.attack in FORGERIES:
         forgery = FORGERIES[case.attack]
-        counts = run_group(forgery, seed, START_UTC_S, seconds, insiders, checks=checked)
+        pseudonyms = PSEUDONYMS if case.attack is AttackKind.GROUP_TURNS else 1
+        counts = run_group(
+            forgery, seed, START_UTC_S, seconds, insiders, checks=checked, pseudonyms=pseudonyms
+        )
     elif case.attack in BRAKE_CLAIMS:
         claimed = BRAKE_CLAIMS[case.attack]
         counts = run_brake_claims(claimed, seed, START_UTC_S, seconds, insiders, checks=checked)
@@ -132,6 +140,9 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         ignored=first.ignored,
         true_alarms=sum(row.true_alarms for row in runs),
         true_missed=sum(row.true_missed for row in runs),
+        least_notice_s=min(
+            (row.least_notice_s for row in runs if row.least_notice_s), default=None
+        ),
     )
 
 

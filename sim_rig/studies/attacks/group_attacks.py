@@ -32,6 +32,8 @@ NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
 JOINED_S = 3.0
 """In which the group forms, before the attack."""
+SENT_UNDER_EACH = 40
+"""Messages under each pseudonym: one invented vehicle."""
 QUIET_S = 35.0
 """Of the attack, before the first braking: a slowing ahead would confirm what insiders invent."""
 BRAKES_EVERY_S = 10.0
@@ -52,6 +54,7 @@ def run_group(
     insiders: int,
     *,
     checks: bool,
+    pseudonyms: int = 1,
 ) -> AttackCounts:
     """Let the leader brake every `BRAKES_EVERY_S` under attack.
 
@@ -62,6 +65,7 @@ def run_group(
         seconds: duration of the attack, of which `QUIET_S` are without a braking.
         insiders: their number.
         checks: whether the vehicles check brakings and claims.
+        pseudonyms: of each insider, which signs with one after the other.
 
     Returns:
         What is counted in the run.
@@ -71,7 +75,7 @@ def run_group(
     digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
     plates = {plate: KnownPlate(plate, digest) for plate in (*PLATES, *names)}
     services = {psid.BSM, psid.LCCA}
-    keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=1, plates=plates)
+    keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=pseudonyms, plates=plates)
     group = AttackedGroup(keys, utc_s, rngs, checks=checks)
     group.drive(JOINED_S)
     signers = [GroupInsider(name, digest, keys[name], utc_s) for name in names]
@@ -120,30 +124,37 @@ class GroupInsider:
         Args:
             plate: of its vehicle.
             digest: of the trial.
-            keys: one certificate.
+            keys: its certificates, each used for `SENT_UNDER_EACH` messages.
             utc_s: seconds since 1970.
         """
         self._utc_s = utc_s
-        self._signer = Signer(keys, utc_s, plate[-4:].encode())
-        self._pseudonyms = Pseudonyms(plate, digest, keys, np.random.default_rng(1))
+        self._radios = [
+            (Signer(one, utc_s, plate[-4:].encode()), Pseudonyms(plate, digest, one, rng))
+            for one, rng in zip(
+                (replace(keys, pseudonyms=(each,)) for each in keys.pseudonyms),
+                np.random.default_rng(1).spawn(len(keys.pseudonyms)),
+                strict=True,
+            )
+        ]
 
     def own_id(self, now: float) -> CarId:
         """Return the communication ID of its vehicle."""
-        return self._pseudonyms.at(self._utc_s + now).car_id
+        return self._radios[0][1].at(self._utc_s + now).car_id
 
-    def signed(self, message: LccaMessage, now: float) -> bytes:
+    def signed(self, message: LccaMessage, sent: int, now: float) -> bytes:
         """Return a message signed, with the proof of its own ID, in a WSM."""
-        proof = self._pseudonyms.at(self._utc_s + now).proof
-        return self._signer.signed(lcca.encode(message, proof), psid.LCCA, now)
+        signer, pseudonyms = self._radios[sent // SENT_UNDER_EACH % len(self._radios)]
+        proof = pseudonyms.at(self._utc_s + now).proof
+        return signer.signed(lcca.encode(message, proof), psid.LCCA, now)
 
 
 def _forged(
     group: AttackedGroup, insider: GroupInsider, forgery: GroupForgery, now: float
 ) -> Iterator[bytes]:
     """Yield what one insider sends at a time."""
-    own = insider.own_id(now)
-    for message in forgery(own, group.leader_ids[-1], group.newest, round(now / STEP_S)):
-        yield insider.signed(message, now)
+    own, sent = insider.own_id(now), round(now / STEP_S)
+    for message in forgery(own, group.leader_ids[-1], group.newest, sent):
+        yield insider.signed(message, sent, now)
 
 
 def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> Warn:
@@ -179,5 +190,5 @@ def group_levels(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator
 
 def group_brakings(own: CarId, leader: CarId, _newest: int, sent: int) -> Iterator[LccaMessage]:
     """One invented vehicle ahead after the other, each for 4 s."""
-    origin = own[:4] + (sent // 40).to_bytes(4)
+    origin = own[:4] + (sent // SENT_UNDER_EACH).to_bytes(4)
     yield _braking(own, leader, 9, event_origin_id=origin)
