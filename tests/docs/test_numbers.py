@@ -17,8 +17,9 @@ from pydantic import BaseModel
 
 from tests.docs.test_pages import PAGES, ROOT, name_of
 
-STATED = r"`(?:\w+\.)*(\w+)`\s\((-?[\d.,]*\d)(?:\s[^\s()|]{1,8})?\)"
-"""A name in code, and a number with or without a unit in brackets."""
+NUMBER = r"(-?[\d.,]*\d)"
+STATED = rf"`(?:\w+\.)*(\w+)`\s\({NUMBER}(?:\sto\s{NUMBER})?(?:\s[^\s()|]{{1,8}})?\)"
+"""A name in code, and a number or a range with or without a unit in brackets."""
 
 
 @cache
@@ -50,20 +51,22 @@ def values_in(module: ModuleType, name: str) -> Iterator[Any]:
             yield fields[name]
 
 
-def values_of(name: str) -> list[Any]:
-    """All values that the code gives a name where it is assigned."""
+def values_of(name: str, package: str = "") -> list[Any]:
+    """All values that the code gives a name where it is assigned, in the package if it does."""
     assigned = re.compile(rf"(?m)^(?:    |.*, )?{name}(?:, [\w, ]+)?(?:: [^=\n]+)? = ")
     modules = [each for each, text in sources().items() if assigned.search(text)]
+    modules = [each for each in modules if each.split(".")[1] == package] or modules
     return [value for each in modules for value in values_in(importlib.import_module(each), name)]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_a_number_behind_a_name_is_its_value_in_the_code(page: Path) -> None:
-    for name, stated in re.findall(STATED, page.read_text(encoding="utf-8")):
-        values = values_of(name)
+    for name, least, most in re.findall(STATED, page.read_text(encoding="utf-8")):
+        values = values_of(name, page.stem)
+        stated = tuple(float(each.replace(",", "")) for each in (least, most) if each)
 
         assert values, f"{name} has no value"
-        assert float(stated.replace(",", "")) in values, f"{name} is {values}, not {stated}"
+        assert stated in values or stated in [(each,) for each in values], f"{name} is {values}"
 
 
 def test_a_name_that_the_code_does_not_give_a_value_is_found() -> None:
@@ -73,11 +76,12 @@ def test_a_name_that_the_code_does_not_give_a_value_is_found() -> None:
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("after `SPEED_VALID_S` (1.0 s) it", [("SPEED_VALID_S", "1.0")]),
-        ("`lcca.leave_headway_s` (2.2 s)", [("leave_headway_s", "2.2")]),
-        ("of `QUEUE_RECORDS` (20,000).", [("QUEUE_RECORDS", "20,000")]),
+        ("after `SPEED_VALID_S` (1.0 s) it", [("SPEED_VALID_S", "1.0", "")]),
+        ("`lcca.leave_headway_s` (2.2 s)", [("leave_headway_s", "2.2", "")]),
+        ("of `QUEUE_RECORDS` (20,000).", [("QUEUE_RECORDS", "20,000", "")]),
+        ("from `PLATE_PX` (84 to 96 px)", [("PLATE_PX", "84", "96")]),
         ("`OTHER` (in the page), `f` (1.2 times as large)", []),
     ],
 )
-def test_numbers_behind_names_are_found(text: str, found: list[tuple[str, str]]) -> None:
+def test_numbers_behind_names_are_found(text: str, found: list[tuple[str, str, str]]) -> None:
     assert re.findall(STATED, text) == found
