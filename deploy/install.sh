@@ -155,8 +155,8 @@ note_units() {
 
 restore_units() {
     [ -e "$before" ] || return 0
-    while read -r unit state; do
-        case $state in
+    while read -r unit was; do
+        case $was in
         enabled) systemctl enable --quiet "$unit" ;;
         disabled) systemctl disable --quiet --now "$unit" ;;
         esac
@@ -173,22 +173,33 @@ start_network() {
     systemctl restart systemd-networkd.service
 }
 
-uninstall() {
+stop_units() {
     systemctl disable --quiet --now onboard.service 2>/dev/null || true
     restore_units
+}
+
+# Removes a folder; where a partition is mounted, only what is in it.
+remove() {
+    if mountpoint -q "$1"; then find "$1" -mindepth 1 -delete; else rm -rf "$1"; fi
+}
+
+uninstall() {
+    [ -n "$root" ] || stop_units
     rm -rf "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
     rm -f "$units/onboard.service" "$units/onboard-proven.service" "$journal" "$rules" "$sysctl"
     rm -f "$programs/onboard" "$programs/onboard-releases"
     rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*
     rmdir "$units/gpsd.service.d" 2>/dev/null || true
-    if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi
-    systemctl daemon-reload
-    rm -rf "$home"/* || true  # a partition of its own may be mounted there
-    rmdir "$home" 2>/dev/null || true
-    udevadm control --reload 2>/dev/null || true  # containers have no udev
+    if [ -z "$root" ]; then
+        if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi
+        systemctl daemon-reload
+        udevadm control --reload 2>/dev/null || true  # containers have no udev
+    fi
+    remove "$home"
     if [ "$purge" = yes ]; then
-        rm -rf "$etc" "$state"
-        userdel onboard 2>/dev/null || true
+        remove "$etc"
+        remove "$state"
+        [ -n "$root" ] || userdel onboard 2>/dev/null || true
         echo "uninstalled; all files are removed"
     else
         echo "uninstalled; $etc and $state are kept (--purge removes them)"

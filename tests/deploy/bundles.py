@@ -104,10 +104,10 @@ def _wheel(folder: Path, name: str, modules: dict[str, str], script: str = "") -
     return wheel
 
 
-def install(bundle: Path, root: Path) -> "subprocess.CompletedProcess[str]":
+def install(bundle: Path, root: Path, *options: str) -> "subprocess.CompletedProcess[str]":
     """Run the bundle's install.sh on a computer below `root`, as its user does."""
     return subprocess.run(
-        ["sh", bundle / "install.sh"],
+        ["sh", bundle / "install.sh", *options],
         env=os.environ | {"ONBOARD_ROOT": str(root)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
