@@ -37,10 +37,10 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.processes.processes import Processes
 from sim_rig.scenario.car_config import DIGEST, plate_digest
 
-STAGES = ("wake_up", "queue", "verify", "decode", "group", "sign", "record", "send", "show")
+STAGES = ("wake_up", "queue", "verify", "decode", "group", "sign", "send", "show")
 """From the sending by the lead to the daemon's loop, to the step, to the verified signature,
-to the decoded message, to the decision of the group, to the signed acknowledgement, to the end of
-the recorded step, to the sending, and to the alarm in trace, metrics and views of the page."""
+to the decoded message, to the decision of the group, to the signed acknowledgement, to its sending,
+and, when the step is recorded, to the alarm in trace, metrics and views of the page."""
 _PASSED = (
     "left",
     "taken",
@@ -49,7 +49,6 @@ _PASSED = (
     "decoded",
     "grouped",
     "signed",
-    "stepped",
     "sent",
     "shown",
 )

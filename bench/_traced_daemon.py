@@ -49,7 +49,7 @@ def main() -> None:
     _note(lcca, "decode", after="decoded")
     _note(WarningGroup, "receive_message", after="grouped")
     _note(SecurityServices, "secure", after="signed")
-    _note(IwcuEndpoint, "send", before="stepped", after="sent")
+    _note(IwcuEndpoint, "send", after="sent")
     _note_shown()
     if given.no_camera:
         wires.CameraThread = _NoCamera  # type: ignore[attr-defined, assignment]

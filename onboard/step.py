@@ -47,6 +47,10 @@ class SentWsm:
     data: bytes
 
 
+def send_later(_: SentWsm) -> None:
+    """Send nothing yet: a step's outputs have all that is to be sent."""
+
+
 @dataclass(frozen=True, slots=True)
 class BrakeButton:
     """Press of the demonstration's brake button (LCCA, section 4): warn without braking."""

@@ -12,7 +12,7 @@ from onboard.lcca.identification import Identification
 from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage, StepEnd
 from onboard.security.plate_digest import PlateDigest
-from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
+from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.stack import Stack
@@ -87,21 +87,29 @@ class Tap:
         """See `Stack`."""
         return self._stack.get_timer()
 
-    def step(self, inputs: Iterable[Input], now: float, utc_s: float | None = None) -> StepOutputs:
+    def step(
+        self,
+        inputs: Iterable[Input],
+        now: float,
+        utc_s: float | None = None,
+        send: Callable[[SentWsm], None] = send_later,
+    ) -> StepOutputs:
         """Step the stack, and record its inputs and outputs; see `Stack.step`.
 
-        An event that only repeats an input is not recorded again.
+        WSMs are sent before they are recorded. An event that only repeats an input is not recorded
+        again.
 
         Args:
             inputs: what arrived since the last step.
             now: seconds on the cores' clock.
             utc_s: seconds since 1970, if the UTC time is known.
+            send: see `Stack.step`.
         """
         self._now = now
         if utc_s is not None:
             self._utc_offset_s = utc_s - now
         received: list[Input] = []
-        outputs = self._stack.step(self._recorded(inputs, received), now, utc_s)
+        outputs = self._stack.step(self._recorded(inputs, received), now, utc_s, send)
         self._record("in", StepEnd(now, utc_s))
         for wsm in outputs.wsms:
             self._record("out", wsm)

@@ -137,8 +137,8 @@ class Daemon:
             self._next_step.cancel()  # the timer was sooner
             self._next_step = None
         now = time.monotonic()
-        outputs = self._stack.step(self._inputs(now), now, time.time())
-        self._wires.send(outputs)
+        outputs = self._stack.step(self._inputs(now), now, time.time(), self._wires.send_wsm)
+        self._wires.send_to_vehicle(outputs)
         for wsm in outputs.wsms:
             self._sinks.show_frame(wsm.data, OWN_MAC)
         for event in outputs.events:

@@ -19,7 +19,7 @@ from onboard.recorder.black_box import BlackBox
 from onboard.recorder.records import RecorderState
 from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.radio_loss import RadioLoss
-from onboard.step import Input, Observation, StepOutputs
+from onboard.step import Input, Observation, SentWsm, StepOutputs
 from onboard.vehicle.config import CarConfig
 from onboard.vision.camera import CameraThread
 from onboard.vision.networks import load_perception
@@ -83,10 +83,12 @@ class Wires:
         self._open_camera(candidate_ids, exits)
         await self._open_detector(exits)
 
-    def send(self, outputs: StepOutputs) -> None:
-        """Send the frames and requests of a step; they are lost on a wire that there is not."""
-        for wsm in outputs.wsms:
-            self._send_wsm(wsm.data, wsm.user_priority)
+    def send_wsm(self, wsm: SentWsm) -> None:
+        """Send a WSM; it is lost without a radio."""
+        self._send_wsm(wsm.data, wsm.user_priority)
+
+    def send_to_vehicle(self, outputs: StepOutputs) -> None:
+        """Send CAN frames and requests of a step; they are lost on a wire that there is not."""
         for frame in outputs.can_frames:
             self._send_can(frame)
         if self._request_outputs is not None:

@@ -5,8 +5,9 @@ virtual time and both replays call it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache, partial
+from itertools import starmap
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from onboard.security.pseudonyms import CertificateExpired, Pseudonyms
 from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
-from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs
+from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.lcca_link import LccaLink
@@ -147,7 +148,13 @@ class Stack:
 
     # ---- the step -------------------------------------------------------------------------
 
-    def step(self, inputs: Iterable[Input], now: float, utc_s: float | None = None) -> StepOutputs:
+    def step(
+        self,
+        inputs: Iterable[Input],
+        now: float,
+        utc_s: float | None = None,
+        send: Callable[[SentWsm], None] = send_later,
+    ) -> StepOutputs:
         """Receive `inputs`, handle the timer if it is due, and put out what follows.
 
         Args:
@@ -156,6 +163,7 @@ class Stack:
             now: time on the clock of the cores in s; never less than in an earlier step.
             utc_s: the same instant in seconds since 1970, which messages and IDs need; `None`
                 keeps the offset.
+            send: called with each WSM as soon as it is signed; the outputs have it as well.
         """
         if utc_s is not None:
             self._security.utc_offset_s = utc_s - now
@@ -164,7 +172,10 @@ class Stack:
             self._receive(each, now)
         if self.get_timer() <= now:
             self._handle_timer(now)
-        wsms = self._wsms_to_send(now)
+        wsms = []
+        for wsm in self._wsms_to_send(now):
+            send(wsm)
+            wsms.append(wsm)
         can_frames = self._bus.frames_to_send(now)
         events = list(iter(self._vehicle.next_event, None))
         return StepOutputs(wsms, can_frames, events, self.get_timer())
@@ -257,13 +268,12 @@ class Stack:
 
     # ---- out ------------------------------------------------------------------------------
 
-    def _wsms_to_send(self, now: float) -> list[SentWsm]:
+    def _wsms_to_send(self, now: float) -> Iterator[SentWsm]:
+        """Yield what the radio is given, a warning before the BSM after it is composed."""
         for message in self._vehicle.messages_to_send(now):
             self._submit(message, now)
-        return [
-            SentWsm(now, user_priority, data)
-            for user_priority, data in self._link.wsms_to_send(now)
-        ]
+            yield from starmap(partial(SentWsm, now), self._link.urgent_wsms_to_send(now))
+        yield from starmap(partial(SentWsm, now), self._link.wsms_to_send(now))
 
     def _submit(self, message: SentMessage, now: float) -> None:
         priority = message.user_priority

@@ -367,14 +367,16 @@ class Vehicle(Core):
 
     # ---- out ------------------------------------------------------------------------------
 
-    def messages_to_send(self, now: float) -> list[SentMessage]:
-        """Return the messages that are due, those of LCCA first, in the order of sending."""
-        messages: list[SentMessage] = [*self._lcca.messages_to_send(now)]
+    def messages_to_send(self, now: float) -> Iterator[SentMessage]:
+        """Yield the messages that are due, those of LCCA first, in the order of sending.
+
+        A BSM is composed when it is drawn: fusing what goes with it takes time.
+        """
+        yield from self._lcca.messages_to_send(now)
         if self._config.beacons and self._sharing.transmitter.take_due(now):
-            messages.append(self._sharing.bsm(now))
+            yield self._sharing.bsm(now)
             if (shared := self._sharing.sdsm(now)) is not None:
-                messages.append(shared)
-        return messages
+                yield shared
 
     # ---- between the cores ----------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from onboard.observations import Discarded
 from onboard.security import ieee1609dot2
 from onboard.security.security_services import NotTrusted, Opened, SecurityServices
 from onboard.wave_udp import psid
-from onboard.wave_udp.radio_queue import RadioQueue
+from onboard.wave_udp.radio_queue import PRIORITIES, RadioQueue
 from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
 
 ANSWER_PRIORITY = 1
@@ -87,6 +87,10 @@ class WaveLink(Core):
             wsm = encode(WaveShortMessage(psid.PEER_TO_PEER, answer))
             self._queue.put(wsm, ANSWER_PRIORITY, now + ANSWER_LIFETIME_S, now)
         return self._queue.wsms_to_send(now)
+
+    def urgent_wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
+        """What nothing that is submitted later can precede, else as `wsms_to_send`."""
+        return self._queue.wsms_to_send(now, least_priority=PRIORITIES - 1)
 
     @override
     def get_timer(self) -> float:

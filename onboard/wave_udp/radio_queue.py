@@ -62,12 +62,19 @@ class RadioQueue:
             least = next(queue for queue in self._queues if queue)
             self._drop(least.popleft(), "queue_full", now)
 
-    def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
-        """Return the frame to give to the radio now, if any, as (user priority, WSM)."""
+    def wsms_to_send(self, now: float, least_priority: int = 0) -> list[tuple[int, bytes]]:
+        """Return the frame to give to the radio now, if any, as (user priority, WSM).
+
+        Args:
+            now: the present time.
+            least_priority: user priority below which a frame stays in the queue.
+        """
         self._drop_expired(now)
         if now < self._free_at or not len(self):
             return []
         priority = max(p for p in range(PRIORITIES) if self._queues[p])
+        if priority < least_priority:
+            return []
         wsm = self._queues[priority].popleft().wsm
         self._free_at = now + FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
         return [(priority, wsm)]

@@ -1,12 +1,17 @@
 """Whole vehicles on a lossless channel: from observations to the other vehicle's warning."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from onboard.bsm_transmission.transmitter import BsmTransmitter
 from onboard.kinematics.units import KM_H
+from onboard.messages.bsm import BasicSafetyMessage
 from onboard.observations import (
     DetectionList,
     Discarded,
+    HardBrake,
     Position,
     Sensor,
     SensorLost,
@@ -16,7 +21,7 @@ from onboard.observations import (
 )
 from onboard.security import ieee1609dot2
 from onboard.settings import parse_settings
-from onboard.step import BrakeButton, Input, ReceivedWsm
+from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.tools.decode.describe import describe
 from onboard.trace.trace_line import Event, as_record
 from onboard.vehicle.config import CarConfig
@@ -40,6 +45,33 @@ def test_the_brake_button_of_the_first_warns_the_second_and_third_and_not_itself
     assert [len(warned[plate]) for plate in platoon.cars] == [0, 1, 1]
     assert warned["CCC3"][0]["group_number"] == 3
     assert warned["CCC3"][0]["origin_number"] == 1
+
+
+def test_a_warning_leaves_before_the_bsm_that_reports_the_same_braking_is_composed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    platoon = Platoon({plate: car(plate) for plate in ("AAA1", "BBB2")})
+    platoon.drive(3.0)
+    order: list[str] = []
+    compose = BsmTransmitter.bsm
+
+    def composing(*arguments: Any) -> BasicSafetyMessage:
+        order.append("bsm")
+        return compose(*arguments)
+
+    monkeypatch.setattr(BsmTransmitter, "bsm", composing)
+    given: list[SentWsm] = []
+
+    def send(wsm: SentWsm) -> None:
+        order.append("sent")
+        given.append(wsm)
+
+    brake = HardBrake(platoon.now + 0.01, 6.0, source="obd")
+    outputs = platoon.cars["AAA1"].step([brake], platoon.now + 0.01, send=send)
+
+    assert order == ["sent", "bsm"]
+    assert given == outputs.wsms
+    assert wsmp.decode(given[0].data).psid == psid.LCCA
 
 
 def test_no_plate_is_ever_on_the_air() -> None:

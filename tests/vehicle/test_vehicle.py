@@ -59,7 +59,7 @@ class Lane:
                     each.receive_observation(known_lead(self.now, AHEAD), self.now)
                 if each.get_timer() <= self.now:
                     each.handle_timer(self.now)
-                self._send(plate, each.messages_to_send(self.now))
+                self._send(plate, [*each.messages_to_send(self.now)])
                 self.events[plate] += iter(each.next_event, None)
 
     def _send(self, plate: str, messages: list[SentMessage]) -> None:

@@ -46,6 +46,15 @@ def test_a_warning_overtakes_everything_queued() -> None:
     ]  # fmt: skip
 
 
+def test_what_is_less_urgent_than_asked_for_stays_in_the_queue() -> None:
+    queue = RadioQueue()
+    queue.put(b"bsm", BSM, LATER, now=0.0)
+    assert queue.wsms_to_send(0.0, least_priority=WARN) == []
+    queue.put(b"warn", WARN, LATER, now=0.0)
+    assert queue.wsms_to_send(0.0, least_priority=WARN) == [(WARN, b"warn")]
+    assert [frame for _, _, frame in sent(queue, until=1.0, now=queue.get_timer())] == [b"bsm"]
+
+
 def test_a_warning_waits_for_at_most_the_frame_on_the_air() -> None:
     queue = RadioQueue(data_rate_mbit_s=6.0)
     for _ in range(10):
