@@ -6,6 +6,7 @@ import numpy.typing as npt
 
 from onboard.errors import UserError
 from onboard.observations import ImageBox
+from onboard.vision.network import NETWORK_ERRORS, Network
 from onboard.vision.settings import BoxModelSettings
 
 _GREY = (114, 114, 114)
@@ -25,7 +26,7 @@ class BoxModel:
         """Load the model; `name` is its settings' place in the configuration.
 
         Raises:
-            UserError: it is missing, not a model that OpenCV can run, or its output does not
+            UserError: it is missing, not a model that can be run, or its output does not
                 have the format of `settings`.
         """
         self._name = name
@@ -38,16 +39,16 @@ class BoxModel:
                 f"but at most {LARGEST_BYTES:,} are allowed"
             )
         try:
-            self._network = cv2.dnn.readNetFromONNX(str(settings.file))
-        except cv2.error as error:
-            raise UserError(f"{name}.file: {settings.file}: not a model: {error.err}") from error
+            self._network = Network(settings.file)
+        except NETWORK_ERRORS as error:
+            raise UserError(f"{name}.file: {settings.file}: not a model: {error}") from error
         width, height = settings.input_width_px, settings.input_height_px
         try:
             self.find(np.zeros((height, width, 3), np.uint8))
-        except cv2.error as error:
+        except NETWORK_ERRORS as error:
             raise UserError(
                 f"{name}: {settings.file}: cannot run on an input of {width} x {height} px "
-                f"(input_width_px, input_height_px): {error.err}"
+                f"(input_width_px, input_height_px): {error}"
             ) from error
 
     def find(self, image: npt.NDArray[np.uint8]) -> list[tuple[ImageBox, float]]:
@@ -59,8 +60,8 @@ class BoxModel:
         fitted[: size[1], : size[0]] = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         is_yolox = self._settings.layout == "yolox"
         scaling = 1.0 if is_yolox else 1 / 255.0
-        self._network.setInput(cv2.dnn.blobFromImage(fitted, scaling, swapRB=not is_yolox))
-        boxes, scores = self._boxes(np.asarray(self._network.forward(), np.float32))
+        blob = cv2.dnn.blobFromImage(fitted, scaling, swapRB=not is_yolox)
+        boxes, scores = self._boxes(self._network.run(np.asarray(blob, np.float32))[0])
         kept = cv2.dnn.NMSBoxes(
             boxes.tolist(), scores.tolist(), self._settings.least_score, _MIN_OVERLAP
         )

@@ -4,7 +4,7 @@ A small convolutional network runs on the image at a few scales. For each cell o
 gives a score that the cell is in the middle of a plate, and the offsets of that plate's corners.
 Cells of the same plate are merged. A second network refines each candidate, scaled so that the
 plate is 84 to 96 pixels wide: its corners are more accurate, and false candidates are dropped. Both
-were trained on rendered images only (`training/`), and OpenCV runs them on one core.
+were trained on rendered images only (`training/`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox
+from onboard.vision.network import Network
 
 Image = npt.NDArray[np.uint8]
 """(h, w, 3) BGR or (h, w) grey."""
@@ -93,12 +94,8 @@ class PlateDetector:
         Raises:
             FileNotFoundError: a file is missing.
         """
-        for file in (model, corners_model):
-            if not file.is_file():
-                raise FileNotFoundError(f"no plate detector model at {file}")
-        # One for each scale: a network allocates memory anew for another size of input.
-        self._candidate_networks = [cv2.dnn.readNetFromONNX(str(model)) for _ in _SHRINKS]
-        self._refining_network = cv2.dnn.readNetFromONNX(str(corners_model))
+        self._candidate_network = Network(model)
+        self._refining_network = Network(corners_model)
         self._least_score = least_score
 
     def find(self, image: Image, region: ImageBox | None = None) -> list[PlateDetection]:
@@ -121,7 +118,7 @@ class PlateDetector:
         # certain, and if it is as sure as the first.
         least, sure = self._least_score**3, self._least_score**2
         least_px, most_px = _FINE_PLATES_PX
-        for shrink, network in zip(_SHRINKS, self._candidate_networks, strict=True):
+        for shrink in _SHRINKS:
             is_fine = shrink == min(_SHRINKS)
             height, width = grey.shape
             left, top, right, bottom = (
@@ -133,7 +130,7 @@ class PlateDetector:
                 continue
             view = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
             scale = np.asarray([part.shape[1] / size[0], part.shape[0] / size[1]], np.float32)
-            for found in _run(network, np.asarray(view, np.uint8), least, sure):
+            for found in _run(self._candidate_network, np.asarray(view, np.uint8), least, sure):
                 if is_fine and not least_px <= found.width_px < most_px:
                     continue
                 plate = PlateDetection(found.corners_px * scale + (left, top), found.score)
@@ -209,7 +206,7 @@ def fine_part(width_px: int, height_px: int) -> tuple[int, int, int, int]:
     return across, down, width_px - across, height_px - down
 
 
-def _run(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[PlateDetection]:
+def _run(network: Network, grey: Image, least: float, sure: float) -> list[PlateDetection]:
     """Run a network on a grey view.
 
     Args:
@@ -222,8 +219,7 @@ def _run(network: cv2.dnn.Net, grey: Image, least: float, sure: float) -> list[P
     padded = cv2.copyMakeBorder(
         grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
     )
-    network.setInput(as_input(np.asarray(padded, np.uint8)[None]))
-    answer = network.forward()[0]
+    answer = network.run(as_input(np.asarray(padded, np.uint8)[None]))[0][0]
     scores = 1 / (1 + np.exp(-answer[0]))
     return _merged(scores, answer[1:], least, sure)
 

@@ -3,7 +3,7 @@
 The plate is rectified, and a small convolutional network gives the probability of each character,
 or of none, for each of 40 columns. The text is the most likely sequence without repeats and blanks
 (connectionist temporal classification, Graves et al. 2006). The network was trained on rendered
-plates only (`training/`); OpenCV runs it on one core.
+plates only (`training/`).
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from onboard.observations import PlateCandidate
 from onboard.vision.beam_search import BEAM, likeliest_sequences, sequence_probabilities
 from onboard.vision.look_alikes import folded, spellings
+from onboard.vision.network import Network
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.syntax import ALL_VALID, PlateSyntax
 
@@ -87,9 +88,7 @@ class PlateReader:
         Raises:
             FileNotFoundError: `model` is missing.
         """
-        if not model.is_file():
-            raise FileNotFoundError(f"no plate reader model at {model}")
-        self._network = cv2.dnn.readNetFromONNX(str(model))
+        self._network = Network(model)
         self._syntax = syntax
 
     def read(self, image: Image, corners: Corners) -> PlateText:
@@ -110,8 +109,7 @@ class PlateReader:
             return PlateText("", 0.0, 0.0)
         shown = normalised(views)
         mean = PlateViews(shown) if seen is None else seen.with_views(shown)
-        self._network.setInput(mean.sharpened(_PLATE_COLUMNS / plate_px))
-        scores = np.asarray(self._network.forward(), np.float32)
+        (scores,) = self._network.run(mean.sharpened(_PLATE_COLUMNS / plate_px))
         return replace(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax), views=mean)
 
 

@@ -2,7 +2,7 @@
 
 The network sees the image 640 pixels wide. For each cell of 8 x 8 pixels it gives the score that
 the cell is in the middle of a vehicle, that vehicle's box, the sides of its rear or front, and its
-kind. Cells of the same vehicle are merged. OpenCV runs it on one core (`training/` makes it).
+kind. Cells of the same vehicle are merged (`training/` makes the network).
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox
+from onboard.vision.network import Network
 
 DEFAULT_MODEL = Path(__file__).parent / "models" / "vehicle_detector.onnx"
 CELL_PX = 8
@@ -68,9 +69,7 @@ class VehicleFinder:
         Raises:
             FileNotFoundError: the file is missing.
         """
-        if not model.is_file():
-            raise FileNotFoundError(f"no vehicle detector model at {model}")
-        self._network = cv2.dnn.readNetFromONNX(str(model))
+        self._network = Network(model)
         self._least_score = least_score
 
     def find(self, image: npt.NDArray[np.uint8]) -> list[VehicleBox]:
@@ -81,8 +80,8 @@ class VehicleFinder:
         view = cv2.resize(image, (WIDTH_PX, rows), interpolation=way)
         below = -rows % COARSEST_PX
         view = cv2.copyMakeBorder(view, 0, below, 0, 0, cv2.BORDER_REPLICATE)
-        self._network.setInput(as_input(np.asarray(view, np.uint8)[None]))
-        found = decode(self._network.forward()[0], self._least_score)
+        (answer,) = self._network.run(as_input(np.asarray(view, np.uint8)[None]))
+        found = decode(answer[0], self._least_score)
         size = np.asarray([image.shape[1], image.shape[0]])
         return [_scaled(vehicle, 1 / scale, size) for vehicle in found]
 

@@ -30,7 +30,7 @@ EDGES = frozenset({
     "settings.py", "thread_priority.py",
     "trace/trace_file.py",
     "vision/camera.py", "vision/live_frames.py", "vision/outputs.py", "vision/plate_detector.py",
-    "vision/vehicle_network.py",
+    "vision/network.py", "vision/vehicle_network.py",
     "vision/plate_reader.py", "vision/recordings.py",
     "wave_udp/drained_socket.py", "wave_udp/endpoint.py", "wave_udp/iwcu.py", "wave_udp/raw.py",
     "wave_udp/rsu41.py",

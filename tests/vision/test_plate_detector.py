@@ -178,5 +178,5 @@ def test_box_and_width_of_a_detection() -> None:
 
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no plate detector model at .*none\.onnx"):
+    with pytest.raises(FileNotFoundError, match=r"no network at .*none\.onnx"):
         PlateDetector(tmp_path / "none.onnx")

@@ -216,7 +216,7 @@ def test_one_uncertain_column_lowers_the_confidence() -> None:
 
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no plate reader model at .*none\.onnx"):
+    with pytest.raises(FileNotFoundError, match=r"no network at .*none\.onnx"):
         PlateReader(tmp_path / "none.onnx")
 
 

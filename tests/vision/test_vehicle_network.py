@@ -81,5 +81,5 @@ def test_a_low_score_is_no_vehicle() -> None:
 
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no vehicle detector model at .*nothing\.onnx"):
+    with pytest.raises(FileNotFoundError, match=r"no network at .*nothing\.onnx"):
         VehicleFinder(tmp_path / "nothing.onnx")
