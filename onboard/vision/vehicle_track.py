@@ -295,7 +295,7 @@ class VehicleTrack:
             self.read_at = stamp_s
         if detection.views is not None:
             self.views = detection.views
-        self._posteriors[detection.kind].update(detection.candidates, stamp_s)
+        self._posteriors[detection.kind].update(detection.candidates, stamp_s, detection.box.w_px)
         if detection.text is None or detection.identity_confidence < MIN_READ_CONFIDENCE:
             return
         self.is_contradicted = detection.text != self.text

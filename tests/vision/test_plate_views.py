@@ -28,6 +28,45 @@ def test_the_mean_has_less_noise_than_a_view() -> None:
     assert (views.mean - plate(1)).std() == pytest.approx(0.25, abs=0.02)
 
 
+def moved(views: np.ndarray, right_px: float, larger: float = 1.0) -> np.ndarray:
+    """The views as corners that are off show them."""
+    matrix = np.array([(larger, 0.0, right_px), (0.0, larger, 0.0)])
+    warped = [
+        cv2.warpAffine(v, matrix, (160, 64), borderMode=cv2.BORDER_REFLECT) for v in views[:, 0]
+    ]
+    return np.stack(warped)[:, None]
+
+
+def soft(seed: int) -> np.ndarray:
+    """Views of a plate whose pixels are as large as eight of a view."""
+    return np.stack([cv2.GaussianBlur(view, (0, 0), 3.0) for view in plate(seed)[:, 0]])[:, None]
+
+
+def correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """Away from the rim, which moved views do not show."""
+    inner = np.s_[:, :, 8:-8, 16:-16]
+    return float(np.corrcoef(one[inner].ravel(), other[inner].ravel())[0, 1])
+
+
+def test_views_with_other_corners_are_aligned() -> None:
+    rng = np.random.default_rng(1)
+    views = PlateViews(soft(1))
+    for _ in range(11):
+        views = views.with_views(moved(soft(1), rng.uniform(-6.0, 6.0), rng.uniform(0.96, 1.04)))
+
+    assert views.frames == 12
+    assert views.mean.std() > 0.95 * soft(1).std()
+
+
+def test_the_mean_has_the_mean_corners_and_not_those_of_the_first_frame() -> None:
+    views = PlateViews(moved(soft(1), 3.0))
+    for index in range(1, 12):
+        views = views.with_views(moved(soft(1), -3.0 if index % 2 else 3.0))
+
+    assert correlation(views.mean, soft(1)) > 0.97
+    assert correlation(views.mean, moved(soft(1), 3.0)) < 0.9
+
+
 def test_old_views_fade() -> None:
     views = PlateViews(plate(1))
     for _ in range(100):
