@@ -26,8 +26,8 @@ class AdmittedFrame:
     """Whether it shows the same image as the frame before."""
     is_cut: bool
     """Whether the frame before showed another scene."""
-    has_sky_below: bool
-    """Whether it looks upside down."""
+    may_hide_vehicles: bool
+    """Whether a lane without any is not known to be free."""
 
 
 class FrameAdmission:
@@ -63,5 +63,5 @@ class FrameAdmission:
             camera,
             is_repeat=verdict.is_repeat,
             is_cut=verdict.is_cut,
-            has_sky_below=verdict.has_sky_below,
+            may_hide_vehicles=verdict.may_hide_vehicles,
         )

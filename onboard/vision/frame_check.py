@@ -1,4 +1,7 @@
-"""Checks of a frame before it is searched: corrupt, blank, upside down, repeated, after a cut."""
+"""Checks of a frame before it is searched.
+
+Corrupt, blank, upside down, over-exposed, repeated, after a cut.
+"""
 
 import math
 from dataclasses import dataclass
@@ -24,6 +27,13 @@ least mean of a frame by day: headlights also light what is below."""
 UPSIDE_DOWN_FRAMES = 300
 """Successive frames with the sky below after which the camera is upside down: on a bright road
 under trees, single ones look so."""
+CLIPPED_LEVEL, HIDING_SHARE, BLINDING_SHARE = 250, 0.25, 0.6
+"""Grey level of all colours from which a sample is clipped, and the shares of these on the road
+from which vehicles may be hidden, and nothing is told. Clips and photographs have at most 0.12;
+with twice the light 0.41, with which leads are found, with four times mostly 0.6 and more."""
+OVER_EXPOSED_FRAMES = 45
+"""Successive frames after which nothing is told by them (3 s at 15 a second): at the end of a
+tunnel, a camera is dazzled for a moment."""
 _RIM = 1 / 8
 """Share of the height at top and bottom that is ignored: cameras write the time there."""
 MAX_ODD = 0.0005
@@ -38,6 +48,7 @@ class FrameFault(StrEnum):
     CORRUPT = "corrupt_frame"
     BLANK = "blank_frame"
     UPSIDE_DOWN = "upside_down_frame"
+    OVER_EXPOSED = "over_exposed_frame"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +62,8 @@ class FrameVerdict:
     twice."""
     is_cut: bool = False
     """The frame before showed another scene."""
-    has_sky_below: bool = False
-    """It looks upside down, as one frame tells."""
+    may_hide_vehicles: bool = False
+    """A lane without any is not known to be free: it looks upside down, or is over-exposed."""
 
 
 class FrameCheck:
@@ -60,7 +71,8 @@ class FrameCheck:
 
     def __init__(self) -> None:
         self._last: npt.NDArray[np.uint8] | None = None
-        self._with_sky_below = 0
+        self._with_sky_below = self._over_exposed = 0
+        """Successive frames."""
 
     def check(self, image: Image) -> FrameVerdict:
         """Check one frame; an empty array is one that did not decode."""
@@ -75,13 +87,18 @@ class FrameCheck:
         self._with_sky_below = self._with_sky_below + 1 if has_sky_below else 0
         if self._with_sky_below > UPSIDE_DOWN_FRAMES:
             return FrameVerdict(FrameFault.UPSIDE_DOWN, "the sky is below: turn the camera over")
+        clipped = _clipped_share(sample)
+        self._over_exposed = self._over_exposed + 1 if clipped >= BLINDING_SHARE else 0
+        if self._over_exposed > OVER_EXPOSED_FRAMES:
+            return FrameVerdict(FrameFault.OVER_EXPOSED, f"{clipped:.0%} of the road is white")
         is_same_size = last is not None and sample.shape == last.shape
         if last is not None and is_same_size and _is_repeat(sample, last):
             return FrameVerdict(is_repeat=True)
         is_cut = last is not None and (
             not is_same_size or _correlation(sample, last) < CUT_CORRELATION
         )
-        return FrameVerdict(is_cut=is_cut, has_sky_below=has_sky_below)
+        may_hide_vehicles = has_sky_below or clipped >= HIDING_SHARE
+        return FrameVerdict(is_cut=is_cut, may_hide_vehicles=may_hide_vehicles)
 
 
 def _spread(sample: Image) -> float:
@@ -99,6 +116,13 @@ def _has_sky_below(sample: Image) -> bool:
     above, below = float(sample[:quarter].mean()), float(sample[-quarter:].mean())
     is_day = float(sample.mean()) >= DAY_LEVEL
     return is_day and below >= max(SKY_LEVEL, above + SKY_STEP)
+
+
+def _clipped_share(sample: Image) -> float:
+    """Share of the road, which is in the lower half, that is white and shows nothing."""
+    rows = len(sample)
+    road = sample[rows // 2 : rows - round(_RIM * rows)]
+    return float((road.min(axis=2) >= CLIPPED_LEVEL).mean())
 
 
 def _is_repeat(sample: Image, last: Image) -> bool:

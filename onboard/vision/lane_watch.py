@@ -65,7 +65,7 @@ class LaneWatch:
             self.lane.receive_fit(frame.camera.markings.find(frame.image, hidden))
             if lead is None and self._sees_free_lane(frame):
                 self._free_at = frame.stamp_s
-        if frame.has_sky_below:
+        if frame.may_hide_vehicles:
             self._free_at = -math.inf
 
     def _sees_free_lane(self, frame: AdmittedFrame) -> bool:
