@@ -20,6 +20,7 @@ import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
+from onboard.lcca.asking import AnswerLimit, is_behind, is_near
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
@@ -56,11 +57,8 @@ NEW_TEXT, MAX_EARLY = 0.05, 8
 that happens on one track."""
 RENEW_S = 2.0
 """Time between inquiries for the BSMs of an identified car that are not heard."""
-ANSWERS_PER_S, ANSWERS_AT_ONCE = 2.0, 3
-"""Answers to one signer in the long run, under however many IDs it asks, and at once: the first one
-may be lost. An answer is larger than an inquiry, and joins an ID to a certificate."""
-MAX_TRACKS, MAX_ASKERS = 16, 64
-"""Tracks whose identity, and askers whose last answers, are remembered."""
+MAX_TRACKS = 16
+"""Tracks whose identity is remembered."""
 MAX_ANSWERS, MAX_ASKED = 32, 256
 """Vehicles whose answers, and texts, are remembered of one track."""
 _SPEEDS = 128
@@ -126,8 +124,7 @@ class Identification(Core):
         self._ask_at = self._asked_at = -math.inf
         self._sequence = int(rng.integers(_SEQUENCES))
         self._sequences: deque[int] = deque(maxlen=_VALID_SEQUENCES)
-        self._answers_due_at: OrderedDict[bytes, float] = OrderedDict()
-        """By asker: when all its answers were due, had they come at `ANSWERS_PER_S`."""
+        self._answer_limit = AnswerLimit()
         self._outbox: list[Inquiry | Answer] = []
         self._events: deque[Inquired | Identified | IdentityLost | Discarded] = deque()
 
@@ -231,7 +228,7 @@ class Identification(Core):
         if message.sender_id == self._own_id:
             self._discard("own_echo", message, now)
         elif isinstance(message, Inquiry):
-            self._receive_inquiry(message, signer or message.sender_id, now)
+            self._receive_inquiry(message, signer, now)
         elif message.to_id == self._own_id:
             self._receive_answer(message, signer or message.temporary_id, now)
 
@@ -310,17 +307,16 @@ class Identification(Core):
 
     # Being asked
 
-    def _receive_inquiry(self, inquiry: Inquiry, asker: bytes, now: float) -> None:
-        if not {self._own_id[:NAME_BYTES], self._temporary_id} & set(inquiry.names):
+    def _receive_inquiry(self, inquiry: Inquiry, signer: bytes | None, now: float) -> None:
+        is_read = self._own_id[:NAME_BYTES] in inquiry.names
+        if not is_read and self._temporary_id not in inquiry.names:
             return
-        due_at = max(self._answers_due_at.get(asker, now), now)
-        if due_at - now > (ANSWERS_AT_ONCE - 1) / ANSWERS_PER_S:
+        if signer is not None and not self._may_ask(signer, is_read=is_read):
+            self._discard("not_behind", inquiry, now)
+            return
+        if not self._answer_limit.take(signer or inquiry.sender_id, now):
             self._discard("too_often", inquiry, now)
             return
-        self._answers_due_at[asker] = due_at + 1.0 / ANSWERS_PER_S
-        self._answers_due_at.move_to_end(asker)
-        if len(self._answers_due_at) > MAX_ASKERS:
-            self._answers_due_at.popitem(last=False)
         self._outbox.append(
             Answer(
                 self._own_id,
@@ -330,6 +326,13 @@ class Identification(Core):
                 self._speed_at(now),
             )
         )
+
+    def _may_ask(self, signer: bytes, *, is_read: bool) -> bool:
+        """Whether an asker is where it can be; where it is unknown, only a plate that was read."""
+        offset_m = self._offsets_m.get(self._temporary_ids.get(signer, b""))
+        if offset_m is None:
+            return is_read
+        return is_near(offset_m) and (is_read or is_behind(offset_m))
 
     # Deciding
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from onboard.lcca.asking import ALL_ANSWERS_AT_ONCE, ALL_ANSWERS_PER_S, ANSWERS_AT_ONCE
 from onboard.lcca.events import CandidateCar, Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identification import (
-    ANSWERS_AT_ONCE,
     ASK_HEADWAY_S,
     RETRY_MAX_S,
     RETRY_S,
@@ -354,6 +354,34 @@ def test_who_asks_too_often_leaves_others_their_answers() -> None:
     drive.core.messages_to_send()
     drive.core.receive_message(Inquiry(AHEAD, 7, (OWN[:NAME_BYTES],)), b"signer 1", 2.0)
     assert [a(Answer, each).to_id for each in drive.core.messages_to_send()] == [AHEAD]
+
+
+def test_many_signers_together_are_answered_twenty_times_a_second() -> None:
+    drive = Drive()
+    for step in range(2000):
+        inquiry = Inquiry(AHEAD, step, (OWN[:NAME_BYTES],))
+        drive.core.receive_message(inquiry, step.to_bytes(8), step * 0.001)
+    answers = drive.core.messages_to_send()
+    assert len(answers) == ALL_ANSWERS_AT_ONCE + round(2.0 * ALL_ANSWERS_PER_S) - 1
+    assert set(drive.discarded()) == {"too_often"}
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "read", "by_bsms"),
+    [(None, True, False), (-30.0, True, True), (40.0, True, False), (-250.0, False, False)],
+)
+def test_who_asks_by_bsms_is_behind_and_near_and_who_has_read_the_plate_is_near(
+    ahead_m: float | None, read: bool, by_bsms: bool
+) -> None:
+    """An ID tells a participant which of the plates that it knows is there."""
+    for name, is_answered in ((OWN[:NAME_BYTES], read), (TEMPORARY[OWN], by_bsms)):
+        drive = Drive()
+        drive.core.receive_speed_on_air(b"signer 9", b"asks", SPEED_M_S, 0.0)
+        if ahead_m is not None:
+            drive.core.receive_offsets({b"asks": (ahead_m, 3.0, 1.0)})
+        drive.core.receive_message(Inquiry(AHEAD, 7, (name,)), b"signer 9", 0.0)
+        assert bool(drive.core.messages_to_send()) is is_answered
+        assert drive.discarded() == ([] if is_answered else ["not_behind"])
 
 
 def test_what_was_not_asked_is_discarded() -> None:

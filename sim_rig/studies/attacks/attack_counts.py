@@ -17,3 +17,7 @@ class AttackCounts:
     true_missed: int
     least_notice_s: float | None = None
     """Time before the conflict at which a true vehicle was warned of, in the worst case."""
+    honest_ignored: int = 0
+    """Signers that are no insiders', and are ignored."""
+    answers_per_s: float = 0.0
+    """That insiders get."""

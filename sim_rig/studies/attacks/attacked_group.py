@@ -4,14 +4,14 @@ They follow one another on an open road, and receive each other and the insiders
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from onboard.lcca.events import WarningOver, WarningRaised
 from onboard.messages import lcca
-from onboard.messages.lcca import CarId, Update, Warn
+from onboard.messages.lcca import CarId, LccaMessage, Update, Warn
 from onboard.misbehaviour.signer_credibility import SignerIgnored
 from onboard.observations import (
     HardBrake,
@@ -33,6 +33,8 @@ from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
 
 DIGEST = {"scrypt_log2_n": 1}
+Listener = Callable[[LccaMessage, bytes, float], Iterable[bytes]]
+"""Takes a message, the 1609.2 data that it came in, and the time; returns WSMs."""
 LEADER, *FOLLOWERS = PLATES = ("AAA1", "BBB2", "CCC3")
 SENSORS = (Sensor.SPEED, Sensor.POSITION, Sensor.CAMERA)
 GAP_M = 15.0
@@ -79,6 +81,8 @@ class AttackedGroup:
         """Event sequence number that the leader has sent last."""
         self.events: list[tuple[str, Event]] = []
         """Of the followers, with their plates."""
+        self.listeners: list[Listener] = []
+        """Insiders who answer what they receive, before others do."""
         self._way_m = 0.0
         self._inputs: dict[str, list[Input]] = {plate: [] for plate in PLATES}
         self._stacks = {}
@@ -177,12 +181,23 @@ class AttackedGroup:
                 outputs = stack.step(all_inputs[plate], self.now)
                 for wsm in outputs.wsms:
                     self._broadcast(wsm.data, plate)
+                    for answer in self._answers(wsm.data):
+                        self._broadcast(answer)
                 if plate == LEADER:
                     self._overhear(wsm.data for wsm in outputs.wsms)
                 else:
                     self.events += [(plate, event) for event in outputs.events]
             if not any(self._inputs.values()):
                 return
+
+    def _answers(self, wsm: bytes) -> Iterator[bytes]:
+        """Yield what insiders make of a message of the group."""
+        frame = wsmp.decode(wsm)
+        if frame.psid == psid.LCCA and self.listeners:
+            secured = frame.payload
+            message = lcca.decode(ieee1609dot2.decode(secured).payload).message
+            for listener in self.listeners:
+                yield from listener(message, secured, self.now)
 
     def _broadcast(self, wsm: bytes, sender: str | None = None) -> None:
         for plate in PLATES:

@@ -36,6 +36,7 @@ from sim_rig.studies.attacks.group_attacks import (
     group_levels,
     group_updates,
 )
+from sim_rig.studies.attacks.impostures import Framing, Hijack, Imposture, Oracle
 
 START_UTC_S = 1_790_000_000.0
 PASS_S = 6.0
@@ -63,6 +64,9 @@ class AttackKind(StrEnum):
     GROUP_EARLY = "brakings of the leader before it brakes"
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
     GROUP_TURNS = "brakings of invented vehicles, under 20 pseudonyms by turns"
+    HIJACK = "answers and warnings in the leader's name"
+    FRAMING = "true brakings elsewhere, and old ones, passed on"
+    ORACLE = "inquiries under changing IDs"
     BRAKE_CAMERA = "brake requests by BSMs from the place of the camera's lead"
     BRAKE_BOTH = "brake requests by BSMs from there, with a detector too"
     BRAKE_DETECTOR = "brake requests by BSMs from the place of what a detector sees"
@@ -245,6 +249,12 @@ FORGERIES = {
     AttackKind.GROUP_TURNS: group_brakings,
 }
 """What is forged in a warning group."""
+IMPOSTURES: dict[AttackKind, type[Imposture]] = {
+    AttackKind.HIJACK: Hijack,
+    AttackKind.FRAMING: Framing,
+    AttackKind.ORACLE: Oracle,
+}
+"""Who speaks for others in a warning group, or asks who is near."""
 BRAKE_CLAIMS = {
     AttackKind.BRAKE_CAMERA: ClaimedBraking(OwnSensors.CAMERA, by_bsm),
     AttackKind.BRAKE_BOTH: ClaimedBraking(OwnSensors.BOTH, by_bsm),

@@ -17,12 +17,14 @@ from sim_rig.studies.attacks.attack_world import PSEUDONYMS
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     FORGERIES,
+    IMPOSTURES,
     START_UTC_S,
     AttackKind,
     run_host,
 )
 from sim_rig.studies.attacks.brake_claims import run_brake_claims
 from sim_rig.studies.attacks.group_attacks import run_group
+from sim_rig.studies.attacks.impostures import run_imposture
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 
 
@@ -84,6 +86,10 @@ class AttackRow:
     true_missed: int
     least_notice_s: float | None
     """Time before the conflict at which a true vehicle was warned of, in the worst case."""
+    honest_ignored: int
+    """Signers that are no insiders', and are ignored."""
+    answers_per_s: float
+    """That insiders get."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +108,8 @@ class AttackLine:
     true_alarms: int
     true_missed: int
     least_notice_s: float | None
+    honest_ignored: int
+    answers_per_s: float
 
 
 def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
@@ -114,6 +122,9 @@ def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
         counts = run_group(
             forgery, seed, START_UTC_S, seconds, insiders, checks=checked, pseudonyms=pseudonyms
         )
+    elif case.attack in IMPOSTURES:
+        imposture = IMPOSTURES[case.attack]
+        counts = run_imposture(imposture, seed, START_UTC_S, seconds, insiders, checks=checked)
     elif case.attack in BRAKE_CLAIMS:
         claimed = BRAKE_CLAIMS[case.attack]
         counts = run_brake_claims(claimed, seed, START_UTC_S, seconds, insiders, checks=checked)
@@ -143,6 +154,8 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         least_notice_s=min(
             (row.least_notice_s for row in runs if row.least_notice_s), default=None
         ),
+        honest_ignored=sum(row.honest_ignored for row in runs),
+        answers_per_s=max(row.answers_per_s for row in runs),
     )
 
 

@@ -32,8 +32,9 @@ NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
 JOINED_S = 3.0
 """In which the group forms, before the attack."""
-SENT_UNDER_EACH = 40
-"""Messages under each pseudonym: one invented vehicle."""
+BRAKING_MESSAGES, PERIOD_MESSAGES = 20, 80
+"""Of one invented braking, and until the next one, under the next pseudonym: the alarm has ended by
+then."""
 QUIET_S = 35.0
 """Of the attack, before the first braking: a slowing ahead would confirm what insiders invent."""
 BRAKES_EVERY_S = 10.0
@@ -85,7 +86,7 @@ def run_group(
     for _ in range(int((seconds - QUIET_S) // BRAKES_EVERY_S)):
         brakings_at.append(group.now + round(rng.uniform(0.0, BRAKES_EVERY_S / 2.0), 1))
         group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
-    found = [_count(group, plate, brakings_at) for plate in FOLLOWERS]
+    found = [count_warned(group, plate, brakings_at) for plate in FOLLOWERS]
     false_alarms, false_alarm_s, missed = zip(*found, strict=True)
     return AttackCounts(
         false_alarms=max(false_alarms),
@@ -96,7 +97,7 @@ def run_group(
     )
 
 
-def _count(
+def count_warned(
     group: AttackedGroup, plate: str, brakings_at: Sequence[float]
 ) -> tuple[int, float, int]:
     """Return false warnings of a follower, for how long, and the brakings it was not warned of."""
@@ -124,7 +125,7 @@ class GroupInsider:
         Args:
             plate: of its vehicle.
             digest: of the trial.
-            keys: its certificates, each used for `SENT_UNDER_EACH` messages.
+            keys: its certificates, each used for `PERIOD_MESSAGES` messages.
             utc_s: seconds since 1970.
         """
         self._utc_s = utc_s
@@ -141,11 +142,18 @@ class GroupInsider:
         """Return the communication ID of its vehicle."""
         return self._radios[0][1].at(self._utc_s + now).car_id
 
-    def signed(self, message: LccaMessage, sent: int, now: float) -> bytes:
-        """Return a message signed, with the proof of its own ID, in a WSM."""
-        signer, pseudonyms = self._radios[sent // SENT_UNDER_EACH % len(self._radios)]
+    def signed(self, message: LccaMessage, now: float, origin: bytes = b"") -> bytes:
+        """Return a message signed, with the proof of its own ID, in a WSM.
+
+        Args:
+            message: the message.
+            now: the time.
+            origin: of a warning that it repeats, what the braking vehicle signed.
+        """
+        turn = round(now / STEP_S) // PERIOD_MESSAGES
+        signer, pseudonyms = self._radios[turn % len(self._radios)]
         proof = pseudonyms.at(self._utc_s + now).proof
-        return signer.signed(lcca.encode(message, proof), psid.LCCA, now)
+        return signer.signed(lcca.encode(message, proof, origin), psid.LCCA, now)
 
 
 def _forged(
@@ -154,7 +162,7 @@ def _forged(
     """Yield what one insider sends at a time."""
     own, sent = insider.own_id(now), round(now / STEP_S)
     for message in forgery(own, group.leader_ids[-1], group.newest, sent):
-        yield insider.signed(message, sent, now)
+        yield insider.signed(message, now)
 
 
 def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> Warn:
@@ -189,6 +197,7 @@ def group_levels(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator
 
 
 def group_brakings(own: CarId, leader: CarId, _newest: int, sent: int) -> Iterator[LccaMessage]:
-    """One invented vehicle ahead after the other, each for 4 s."""
-    origin = own[:4] + (sent // SENT_UNDER_EACH).to_bytes(4)
-    yield _braking(own, leader, 9, event_origin_id=origin)
+    """One invented braking of the own vehicle ahead after the other."""
+    number, into = divmod(sent, PERIOD_MESSAGES)
+    if into < BRAKING_MESSAGES:
+        yield _braking(own, leader, number, event_origin_id=own)

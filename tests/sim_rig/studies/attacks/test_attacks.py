@@ -1,5 +1,6 @@
 """The study of attacks: two insiders cost six false alarms at most, and true ones are heard."""
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -67,3 +68,33 @@ def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKi
     )
 
     assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("attack", "false_alarms"), [(AttackKind.HIJACK, 0), (AttackKind.FRAMING, 3)]
+)
+def test_who_speaks_for_others_silences_nothing_and_has_nobody_charged(
+    tmp_path: Path, attack: AttackKind, false_alarms: int
+) -> None:
+    impostures = AttacksSettings(
+        attacks=(attack,), insiders=(2,), seconds=55.0, unchecked=False, runs=1
+    )
+
+    assert STUDY.write(tmp_path, impostures, Workers()).endswith("0 of 4 true alarms missed")
+    (row,) = csv.DictReader((tmp_path / "table.csv").read_text().splitlines())
+    assert int(row["false_alarms"]) == false_alarms
+    assert row["honest_ignored"] == "0"
+
+
+@pytest.mark.long
+def test_who_asks_under_changing_ids_gets_two_answers_a_second_of_each_vehicle(
+    tmp_path: Path,
+) -> None:
+    asking = AttacksSettings(
+        attacks=(AttackKind.ORACLE,), insiders=(1,), seconds=55.0, unchecked=False
+    )
+
+    assert STUDY.write(tmp_path, asking, Workers()).endswith("0 of 4 true alarms missed")
+    (row,) = csv.DictReader((tmp_path / "table.csv").read_text().splitlines())
+    assert 5.0 < float(row["answers_per_s"]) < 6.3  # three vehicles
