@@ -2,7 +2,8 @@
 
 What own sensors measure is no claim. A remote vehicle is claimed by its signer, a vehicle
 without radio by those who measured it and report it themselves, else by those who pass it on, a
-braking in the group by the vehicle that signed it, not by who repeats it. A test of the brake button claims nothing.
+braking in the group by the vehicle that signed it, not by who repeats it. A test of the brake
+button claims nothing.
 """
 
 from collections import OrderedDict

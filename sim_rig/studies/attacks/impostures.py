@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from typing_extensions import override
 
 from onboard.messages.lcca import (
     MAX_NAMES,
@@ -87,6 +88,7 @@ class Plates:
 class Hijack(Imposture):
     """Answers each inquiry for the leader, and sends all else in its name and its follower's."""
 
+    @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
         """Answer before the leader does."""
         if isinstance(message, Inquiry):
@@ -94,6 +96,7 @@ class Hijack(Imposture):
             answer = Answer(lead, message.sender_id, message.sequence, b"EVIL", SPEED_M_S)
             yield self.insider.signed(answer, now)
 
+    @override
     def sends(self, now: float) -> Iterator[bytes]:
         """Warn, reply, leave and join for others."""
         lead, follower = (self.plates.car_id(plate, now) for plate in PLATES[:2])
@@ -114,12 +117,14 @@ class Framing(Imposture):
         super().__init__(insider, group, plates)
         self._old: tuple[Warn, bytes] | None = None
 
+    @override
     def answers(self, message: LccaMessage, secured: bytes, _now: float) -> Iterator[bytes]:
         """Keep the leader's last warning."""
         if isinstance(message, Warn) and message.is_direct:
             self._old = message, secured
         yield from ()
 
+    @override
     def sends(self, now: float) -> Iterator[bytes]:
         """Pass on a true braking in another lane as one ahead in this, and an old one again."""
         own, lead = self.insider.own_id(now), self.plates.car_id(LEADER, now)
@@ -140,6 +145,7 @@ class Framing(Imposture):
 class Oracle(Imposture):
     """Asks ten times a second, each time under another ID, for the plates of the group."""
 
+    @override
     def sends(self, now: float) -> Iterator[bytes]:
         """Ask for all plates at once."""
         number = round(now / STEP_S)
