@@ -19,7 +19,13 @@ import typer
 from onboard.errors import UserError
 from onboard.tools.version import VersionOption
 from sim_rig.scenario.catalogue import scenario_titles
-from sim_rig.studies.campaigns.catalogue import check_study, run_study, study_names, study_settings
+from sim_rig.studies.campaigns.catalogue import (
+    check_studies,
+    run_study,
+    setting_names,
+    study_names,
+    study_settings,
+)
 
 app = typer.Typer(
     help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
@@ -211,8 +217,8 @@ def study(
         typer.Argument(
             metavar="NAME... [--SETTING VALUE]...",
             autocompletion=lambda incomplete: _beginning(incomplete, study_names()),
-            help=f"One or more of: {', '.join(study_names())}. Then settings of theirs: --cars 40;"
-            " NAME --help lists them.",
+            help=f"One or more of: {', '.join(study_names())}. Then settings of theirs, as"
+            " --runs 5: NAME --help lists them.",
         ),
     ],
     *,
@@ -234,9 +240,8 @@ def study(
     from sim_rig.studies.campaigns.campaign import Workers  # noqa: PLC0415 (see above)
 
     named = list(takewhile(lambda word: not word.startswith("-"), names))
-    given = _settings_given(names[len(named) :])
-    for name in named:
-        check_study(name)
+    check_studies(named)
+    given = _settings_given(names[len(named) :], named)
     for name in named:
         with _writing(out / name):
             found = run_study(name, out / name, settings, Workers(workers, dask), given)
@@ -306,8 +311,8 @@ def _help_of(names: list[str], context: typer.Context) -> str:
     return "\n".join(settings) or context.get_help()
 
 
-def _settings_given(words: list[str]) -> dict[str, object]:
-    """Parse settings: `--spacing-m 10` and `--spacing-m=10` set `spacing_m`."""
+def _settings_given(words: list[str], studies: list[str]) -> dict[str, object]:
+    """Parse settings of `studies`: `--spacing-m 10` and `--spacing-m=10` set `spacing_m`."""
     from onboard.settings import parse_yaml  # noqa: PLC0415 (see above)
 
     split = [
@@ -316,7 +321,12 @@ def _settings_given(words: list[str]) -> dict[str, object]:
     names, values = split[::2], split[1::2]
     for name in names:
         if not name.startswith("--") or len(names) != len(values):
-            raise UserError(f"settings are given as --name value (given {' '.join(words)!r})")
+            known = "".join(
+                f"; {each} has {', '.join(setting_names(each)) or 'none'}" for each in studies
+            )
+            raise UserError(
+                f"settings are given as --name value (given {' '.join(words)!r}){known}"
+            )
         if names.count(name) > 1:
             raise UserError(f"the setting {name} is given twice")
     return {

@@ -60,7 +60,7 @@ WATCHED_S = 3.0
 class FollowingSettings(Settings):
     """One campaign; a run is one recording with one seed and one profile, and some brakings."""
 
-    files: tuple[Path, ...] = Field(min_length=1)
+    files: Several[Path]
     """Recordings of cars in one lane, the first one ahead."""
     seeds: Several[int] = (1,)
     """Each recording is run with each of them."""

@@ -1,6 +1,6 @@
 """The studies by name: each is a file `PACKAGE/NAME_study.py`, imported when it is used."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +35,19 @@ def check_study(name: str) -> None:
     """
     if name not in study_names():
         raise UserError(f"no study {name!r}; there are: {', '.join(study_names())}")
+
+
+def check_studies(names: Sequence[str]) -> None:
+    """Check that each of these names a study.
+
+    Raises:
+        UserError: one does not; if it is a setting of one before it, the error says how to give it.
+    """
+    for at, name in enumerate(names):
+        for study in names[:at] if name not in study_names() else ():
+            if name in setting_names(study):
+                raise UserError(f"{name} is a setting of {study}: write --{name} VALUE")
+        check_study(name)
 
 
 def find_study(name: str) -> "AnyStudy":
@@ -72,6 +85,7 @@ def run_study(
         UserError: no study has this name, or the settings are invalid.
     """
     from onboard.settings import load_settings, parse_settings  # noqa: PLC0415 (names need none)
+    from sim_rig.scenario.setting_types import with_lists_of_one  # noqa: PLC0415 (see above)
 
     study = find_study(name)
     if not study.takes_settings and (settings is not None or given):
@@ -79,7 +93,8 @@ def run_study(
     chosen = None if settings is None else load_settings(settings, study.settings)
     if given:
         tree = {} if chosen is None else chosen.model_dump(mode="json")
-        chosen = parse_settings(tree | dict(given), study.settings, name)
+        listed = with_lists_of_one(tree | dict(given), study.settings)
+        chosen = parse_settings(listed, study.settings, name)
     return study.write(out_dir, chosen, workers)
 
 
@@ -91,6 +106,16 @@ def settings_schema(name: str) -> "type[Settings] | None":
     """
     study = find_study(name)
     return study.settings if study.takes_settings else None
+
+
+def setting_names(name: str) -> list[str]:
+    """The names of a study's settings.
+
+    Raises:
+        UserError: no study has this name.
+    """
+    schema = settings_schema(name)
+    return [] if schema is None else list(schema.model_fields)
 
 
 def study_settings(name: str) -> str:

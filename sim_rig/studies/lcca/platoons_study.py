@@ -32,7 +32,7 @@ from sim_rig.studies.lcca.platoon_sight import RECOMMENDED_LENS
 class PlatoonSettings(Settings):
     """One campaign; a run is one recording with one seed."""
 
-    files: tuple[Path, ...] = Field(min_length=1)
+    files: Several[Path]
     """Recordings: trace files whose cars drive one after the other in one lane, the first one
     ahead, or files of OpenACC."""
     seeds: Several[int] = (1,)

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
+from sim_rig.scenario.setting_types import with_lists_of_one
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import (
     run_study,
@@ -20,6 +21,7 @@ from sim_rig.studies.campaigns.settings_help import meanings
 from sim_rig.studies.faults.faults_study import FaultsSettings
 from sim_rig.studies.mvs.collisions import CollisionSettings, encounter_cases
 from sim_rig.studies.mvs.encounter import Method
+from sim_rig.studies.mvs.scenes import SceneName
 
 
 @pytest.mark.parametrize(
@@ -64,6 +66,45 @@ def test_invalid_settings_are_an_error(
 
     assert message in str(error.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("study", "given", "several"),
+    [
+        ("lcca-chain", {"cars": 10}, (10,)),
+        ("lcca-chain", {"shares": 0.5}, (0.5,)),
+        ("lcca-chain", {"sights": "rig"}, ("rig",)),
+        ("mvs-figure9", {"methods": "mvs"}, (Method.MVS,)),
+        ("faults", {"cases": "none"}, ("none",)),
+        ("mvs-figure9", {"entries": 5}, (5,)),
+        ("following-alarms", {"files": "one.csv"}, (Path("one.csv"),)),
+        ("platoons", {"files": "one.csv"}, (Path("one.csv"),)),
+    ],
+)
+def test_a_single_value_is_a_list_of_one(
+    study: str, given: dict[str, object], several: tuple[object, ...]
+) -> None:
+    schema = settings_schema(study)
+    assert schema is not None
+
+    (name,) = given
+    settings = parse_settings(with_lists_of_one(given, schema), schema, study)
+    assert getattr(settings, name) == several
+
+
+def test_a_single_value_within_a_section_is_a_list_of_one() -> None:
+    tree = with_lists_of_one({"encounter": {"scenes": "city"}}, CollisionSettings)
+
+    settings = parse_settings(tree, CollisionSettings, "mvs-figure9")
+    assert settings.encounter.scenes == (SceneName.CITY,)
+
+
+def test_a_study_takes_a_single_value(tmp_path: Path) -> None:
+    given = {"runs": 1, "cars": 2, "shares": 0.0, "sights": "rig", "reaction_medians_s": 1.0}
+
+    run_study("lcca-chain", tmp_path, None, Workers(), given)
+
+    assert len((tmp_path / "runs/runs.jsonl").read_text("utf-8").splitlines()) == 1
 
 
 @pytest.mark.parametrize("study", study_names())

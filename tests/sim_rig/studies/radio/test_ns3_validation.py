@@ -86,7 +86,8 @@ def test_without_receptions_no_delay_is_stated(tmp_path: Path) -> None:
         (["--cars", "2", "--seeds", "1", "--warm-s", "5"], "no frame was sent"),
         (["--cars=4", "--cars=5"], "--cars is given twice"),
         (["--cars", "[4"], "--cars: not YAML"),
-        (["--seeds"], "settings are given as --name value"),
+        (["--seeds"], "settings are given as --name value (given '--seeds'); radio has model, "),
+        (["seeds", "3"], "seeds is a setting of radio: write --seeds VALUE"),
     ],
 )
 def test_an_invalid_setting_is_an_error(tmp_path: Path, words: list[str], message: str) -> None:
