@@ -1,10 +1,9 @@
 """Types of settings: shares, positive numbers, several values, intervals, and profiles."""
 
 from collections.abc import Mapping
-from typing import Annotated, TypeVar, get_args, get_origin
+from typing import Annotated, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
-from pydantic.fields import FieldInfo
+from pydantic import AfterValidator, BeforeValidator, Field
 
 ValueT = TypeVar("ValueT")
 
@@ -32,30 +31,6 @@ Several = Annotated[tuple[ValueT, ...], AfterValidator(_each_once)]
 """Different values that a study varies."""
 Span = Annotated[tuple[ValueT, ValueT], AfterValidator(_in_order)]
 """Interval: lower and upper bound."""
-
-
-def with_lists_of_one(tree: object, schema: type[BaseModel]) -> object:
-    """Return settings in which a single value is a list of one where several are allowed.
-
-    A validator cannot do it: what follows one reads no JSON, in which a list may be a tuple.
-
-    Args:
-        tree: as it is given, right or not.
-        schema: what it is to become.
-    """
-    if not isinstance(tree, Mapping):
-        return tree
-    return {name: _listed(value, schema.model_fields.get(name)) for name, value in tree.items()}
-
-
-def _listed(given: object, field: FieldInfo | None) -> object:
-    if field is None:
-        return given
-    inner = field.annotation
-    if get_origin(inner) is tuple and get_args(inner)[-1] is Ellipsis:
-        return given if isinstance(given, list | tuple) else [given]
-    is_section = isinstance(inner, type) and issubclass(inner, BaseModel)
-    return with_lists_of_one(given, inner) if is_section else given
 
 
 def by_name(kind: str, profiles: Mapping[str, object]) -> BeforeValidator:

@@ -24,12 +24,11 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import yaml
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from onboard.errors import UserError
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.settings import Settings
+from sim_rig.studies.campaigns.progress import campaign_progress, report
 
 StoredRow = dict[str, Any]
 """Result of a run, as a line of `runs.jsonl` holds it."""
@@ -84,32 +83,29 @@ def run_campaign(
         OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "runs.jsonl").open("a", encoding="utf-8") as file, _bar(folder.name) as advance:
+    with (folder / "runs.jsonl").open("a", encoding="utf-8") as file:
         _lock(file, folder)
         done = stored_runs(folder)
         name = name or f"{run.__module__}.{run.__qualname__}"
         _reserve(folder, name, settings, holds_runs=bool(done))
         _remove_incomplete_line(folder / "runs.jsonl")
         missing = [number for number in numbers if number not in done]
-        advance(len(numbers), len(numbers) - len(missing))
-        try:
-            for number, row in _execute(run, settings, missing, workers):
-                done[number] = json.loads(json.dumps(row))
-                file.write(json.dumps({"run": number} | row) + "\n")
-                file.flush()
-                advance(len(numbers), 1)
-        except KeyboardInterrupt:
-            finished = sum(number in done for number in numbers)
-            _report(
-                f"interrupted: {finished} of {len(numbers)} runs are stored in {folder};"
-                " the same command resumes there"
-            )
-            raise
+        stored = len(numbers) - len(missing)
+        with campaign_progress(name, len(numbers), stored) as advance:
+            try:
+                for number, row in _execute(run, settings, missing, workers):
+                    done[number] = json.loads(json.dumps(row))
+                    file.write(json.dumps({"run": number} | row) + "\n")
+                    file.flush()
+                    advance()
+            except KeyboardInterrupt:
+                finished = sum(number in done for number in numbers)
+                report(
+                    f"interrupted: {finished} of {len(numbers)} runs are stored in {folder};"
+                    " the same command resumes there"
+                )
+                raise
     return [done[number] for number in numbers]
-
-
-def _report(text: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(text)
 
 
 def _lock(file: IO[str], folder: Path) -> None:
@@ -302,7 +298,7 @@ def _on_dask(
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with client:
         if not client.nthreads():  # type: ignore[no-untyped-call]
-            _report(f"waiting for a worker: none is connected to the Dask scheduler at {address}")
+            report(f"waiting for a worker: none is connected to the Dask scheduler at {address}")
         futures = [client.submit(_numbered, run, settings, number) for number in numbers]
         for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
             try:
@@ -321,17 +317,3 @@ def _on_dask(
 
 def _numbered(run: "Run[SettingsT]", settings: SettingsT, number: int) -> tuple[int, StoredRow]:
     return number, run(settings, number)
-
-
-@contextmanager
-def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar, if the output is a terminal."""
-    console = Console(stderr=True)
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task(name)
-
-        def advance(total: int, by: int) -> None:
-            progress.update(task, total=total, advance=by)
-
-        yield advance

@@ -85,7 +85,7 @@ def run_study(
         UserError: no study has this name, or the settings are invalid.
     """
     from onboard.settings import load_settings, parse_settings  # noqa: PLC0415 (names need none)
-    from sim_rig.scenario.setting_types import with_lists_of_one  # noqa: PLC0415 (see above)
+    from sim_rig.studies.campaigns.lists_of_one import with_lists_of_one  # noqa: PLC0415 (see above)
 
     study = find_study(name)
     if not study.takes_settings and (settings is not None or given):

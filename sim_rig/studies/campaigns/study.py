@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from onboard.errors import UserError
 from onboard.settings import Settings
 from sim_rig.studies.campaigns.campaign import CampaignError, StoredRow, Workers, run_campaign
+from sim_rig.studies.campaigns.progress import run_progress
 from sim_rig.studies.campaigns.results import write_settings, write_table
 
 if TYPE_CHECKING:
@@ -101,6 +102,8 @@ class Study(Generic[SettingsT, CaseT, RowT, LineT]):
     row: type[RowT] | UnionType | None = None
     """What a run gives, a dataclass that JSON can represent. `None` for a study of one run, which
     is not stored."""
+    about_s: Callable[[SettingsT], float] = lambda _: 2.0
+    """How long a study of one run takes on one core."""
     folder: Callable[[SettingsT], str] = lambda _: "runs"
     """Of the stored runs, in the study's folder."""
 
@@ -120,6 +123,12 @@ class Study(Generic[SettingsT, CaseT, RowT, LineT]):
             CampaignError: as `run_campaign`.
         """
         settings = self.prepare(self._settings(given))
+        if self.row is not None:
+            return self._write(out_dir, settings, workers)
+        with run_progress(self.name, self.about_s(settings)):
+            return self._write(out_dir, settings, workers)
+
+    def _write(self, out_dir: Path, settings: SettingsT, workers: Workers) -> str:
         rows = self.rows(settings, out_dir, workers)
         results = Results(settings, rows, self.table(settings, rows))
         if self.line is not None:

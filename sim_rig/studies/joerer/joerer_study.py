@@ -294,6 +294,7 @@ STUDY = Study(
     sentence="How well the collision probability tells crashes from other approaches.",
     settings=JoererSettings,
     takes_settings=False,
+    about_s=lambda _: 60.0,
     case=Case,
     run=lambda settings, _: simulate(settings),
     more=write_files,

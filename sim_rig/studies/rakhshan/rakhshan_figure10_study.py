@@ -71,6 +71,7 @@ STUDY = Study(
     sentence="Figure 10: how many cars collide, by the access of safe and unsafe cars.",
     settings=RakhshanSettings,
     takes_settings=False,
+    about_s=lambda _: 12.0,
     case=Case,
     run=run,
     table=table,

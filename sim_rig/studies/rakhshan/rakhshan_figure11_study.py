@@ -81,6 +81,7 @@ STUDY = Study(
     sentence="Figure 11: how many cars collide, by one access probability for all.",
     settings=RakhshanSettings,
     takes_settings=False,
+    about_s=lambda _: 10.0,
     case=Case,
     run=run,
     table=table,

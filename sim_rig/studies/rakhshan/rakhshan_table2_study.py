@@ -72,6 +72,7 @@ STUDY = Study(
     settings=RakhshanSettings,
     default=BROAD,
     takes_settings=False,
+    about_s=lambda _: 10.0,
     case=Case,
     run=run,
     table=table,

@@ -34,6 +34,12 @@ class SoakSettings(Settings):
     """Virtual time that the fleet drives; 0 skips this part."""
 
 
+def about_s(settings: SoakSettings) -> float:
+    """How long all parts take together; virtual time is ten times as fast as real time."""
+    testbench_s = 40.0 if settings.testbench_cars else 0.0
+    return 2.0 * settings.load_s + testbench_s + settings.fleet_s / 10.0
+
+
 @dataclass(frozen=True, slots=True)
 class QuantityLine:
     """One line of the table."""
@@ -130,6 +136,7 @@ STUDY = Study(
     name="soak",
     sentence="What load, many daemons and an hour of traffic do to delays and memory.",
     settings=SoakSettings,
+    about_s=about_s,
     case=Case,
     run=run,
     table=table,

@@ -229,7 +229,7 @@ def test_a_killed_worker_of_a_cluster_does_not_change_the_results(tmp_path: Path
     assert sorted(json.loads(line)["run"] for line in lines) == list(NUMBERS)  # each once
 
 
-def test_a_cluster_without_workers_that_ends_is_reported_in_two_lines(tmp_path: Path) -> None:
+def test_a_cluster_without_workers_that_ends_is_reported_in_two_more_lines(tmp_path: Path) -> None:
     scheduler_file = tmp_path / "scheduler.json"
     code = (
         "from sim_rig.studies.campaigns import campaign\n"
@@ -259,6 +259,7 @@ def test_a_cluster_without_workers_that_ends_is_reported_in_two_lines(tmp_path: 
         address = json.loads(scheduler_file.read_text())["address"]
         with process_group(sys.executable, "-c", code, address) as process:
             assert process.stderr is not None
+            process.stderr.readline()  # how many runs
             waiting = process.stderr.readline()
             os.killpg(scheduler.pid, signal.SIGKILL)
             _, ending = process.communicate(timeout=60.0)

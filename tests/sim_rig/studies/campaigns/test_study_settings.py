@@ -9,7 +9,6 @@ from pydantic import BaseModel
 
 from onboard.errors import UserError
 from onboard.settings import parse_settings, parse_yaml
-from sim_rig.scenario.setting_types import with_lists_of_one
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import (
     run_study,
@@ -17,6 +16,7 @@ from sim_rig.studies.campaigns.catalogue import (
     study_names,
     study_settings,
 )
+from sim_rig.studies.campaigns.lists_of_one import with_lists_of_one
 from sim_rig.studies.campaigns.settings_help import meanings
 from sim_rig.studies.faults.faults_study import FaultsSettings
 from sim_rig.studies.mvs.collisions import CollisionSettings, encounter_cases
