@@ -1,6 +1,7 @@
 """Signatures of files by the root of a trial."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,7 @@ from onboard.tools.test_ca.authority import make_issuing, make_root
 from onboard.tools.test_ca.cli import keys
 from onboard.wave_udp import psid
 
-VALID = {"valid_from_utc_s": 1_700_000_000.0, "valid_for_s": 1e8}
+VALID: dict[str, Any] = {"valid_from_utc_s": 1_700_000_000.0, "valid_for_s": 1e8}
 ROOT, OTHER = (make_root(name, psid.OF_VEHICLES, **VALID) for name in ("one trial", "another"))
 CERTIFICATE = ROOT.credential.certificate
 
