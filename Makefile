@@ -88,6 +88,15 @@ bench: .venv/ready ## all measurements
 fuzz: .venv/ready ## damaged input for every decoder
 	$(PYTHON) -m fuzz --seconds 20
 
+# Every comparison of the requests to brake and of misbehaviour detection changed, one at a time.
+.PHONY: mutate
+mutate: .venv/ready .venv-mutation/ready ## changed comparisons, each of which must fail a test
+	PYTHONPATH=.venv-mutation $(PYTHON) -m tools.mutation
+
+.venv-mutation/ready: tools/mutation.lock
+	$(PYTHON) -m pip install --quiet --no-deps --require-hashes --target .venv-mutation -r $<
+	@touch $@
+
 # The plate networks, from rendered pictures to ONNX; see docs/plates.md for how long it takes.
 train: .venv-training/ready ## trains the networks
 	.venv-training/bin/python -m training detector
@@ -126,7 +135,8 @@ lock: ## pins all versions anew
 	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
+	echo 'mutmut>=3.8' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/mutation.lock
 	echo pip | $(LOCK) --no-annotate - -o deploy/installer.lock
 
 clean: ## removes .venv, build and out
-	rm -rf .venv build out
+	rm -rf .venv .venv-mutation build mutants out
