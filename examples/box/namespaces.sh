@@ -1,8 +1,8 @@
 #!/bin/sh
 # A box without hardware: a daemon in namespaces with a network address and clocks of its own, on the
 # wires of red.yaml; the bus is served by socketcand. Needs no root, util-linux and iproute2; sim-rig
-# and onboard are those of the PYTHON that is given. Afterwards the recording of the box, with its
-# pictures, is played onto its wires: does it decide the same again?
+# and onboard are those of the PYTHON that is given. Afterwards the recording of the box is played
+# onto its wires: does it decide as a replay does?
 #
 #   PYTHON=.venv/bin/python examples/box/namespaces.sh [ladder SCENARIO | run SCENARIO [OPTION]...]
 set -eu
@@ -20,9 +20,8 @@ served='s|^bus:.*|bus: {host: 192.168.77.1, port: 29536}|'
 sed -e "$served" -e '/^fetch:/d' -e "s|^recording:.*|recording: $folder/drive|" \
     -e "s|^keys:.*|keys: $folder/trial|" "$here/red.yaml" > "$folder/red.yaml"
 bus='can: {interface: socketcand, channel: can0, host: 192.168.77.1, port: 29536}'
-recorder="recorder: {folder: $folder/drive, pictures_hz: 30, picture_quality: 95}"
 sed -e "s|^can:.*|$bus|" -e "s|/etc/onboard/keys|$folder/trial/red|" \
-    -e "s|^recorder:.*|$recorder|" "$here/car.yaml" > "$folder/car.yaml"
+    -e "s|/var/lib/onboard/drive|$folder/drive|" "$here/car.yaml" > "$folder/car.yaml"
 
 # The daemon, with the UTC of a file, restarted as by systemd.
 onboard="$PYTHON -m sim_rig.processes.settable_clock $folder/utc run $folder/car.yaml"
