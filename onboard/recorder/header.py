@@ -16,7 +16,7 @@ from onboard.security.id_commitment import leaves_in
 from onboard.security.oer import Malformed, Unsupported
 from onboard.settings import Settings, SettingsError
 
-FORMAT = 2
+FORMAT = 3
 """Version of the format; raised, with a migration, whenever a recorded input changes."""
 
 
@@ -39,7 +39,8 @@ class RecordingHeader(Settings):
     software: str
     """The build of `onboard` that made the recording."""
     seed: tuple[int, ...]
-    """Seed of all random draws: entropy and spawn key of a `numpy.random.SeedSequence`."""
+    """Seed of all random draws until the first change of the pseudonym: entropy and spawn key of a
+    `numpy.random.SeedSequence`."""
     now_s: float
     utc_s: float
     sensors: tuple[Sensor, ...]

@@ -9,10 +9,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from onboard.errors import UserError
 from onboard.recorder.reader import Entry
-from onboard.recorder.records import Identity, RecordingGap, StepEnd
+from onboard.recorder.records import EntropyInput, Identity, RecordingGap, StepEnd
 from onboard.step import Input
 
-RecordedInput = Input | StepEnd | Identity | RecordingGap
+RecordedInput = Input | StepEnd | Identity | EntropyInput | RecordingGap
 """What a step receives, and what the recorder adds to it."""
 
 _BY_KIND = {kind.kind: kind for kind in get_args(RecordedInput)}

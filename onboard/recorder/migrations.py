@@ -39,7 +39,14 @@ def _header_to_2(header: Record) -> Record:
     return header | {"config": config}
 
 
-_MIGRATIONS: Mapping[int, tuple[Migration, Callable[[Record], Record]]] = {1: (_to_2, _header_to_2)}
+def _to_3(topic: str, record: Record) -> tuple[str, Record]:
+    return topic, record  # a drive whose seed never changes, without `entropy_input`
+
+
+_MIGRATIONS: Mapping[int, tuple[Migration, Callable[[Record], Record]]] = {
+    1: (_to_2, _header_to_2),
+    2: (_to_3, lambda header: header),
+}
 """By the format that they start from."""
 OLDEST = min(_MIGRATIONS)
 """The oldest format that is read."""

@@ -33,6 +33,15 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
+class EntropyInput:
+    """The seed of all random draws from a change of the pseudonym on; recorded only then."""
+
+    kind: ClassVar[str] = "entropy_input"
+    stamp_s: float
+    entropy: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class RecordingGap:
     """Records are missing here: the disk was full or too slow."""
 

@@ -9,6 +9,7 @@ from onboard.access.driver_model import DriverModel
 from onboard.observations import Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import FreshEntropy
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
 
@@ -23,14 +24,16 @@ class InitialState:
     config: CarConfig
     sensors: frozenset[Sensor]
     seed: np.random.SeedSequence
-    """Seed of all random draws."""
+    """Seed of all random draws until the first change of the pseudonym."""
     now: float
     utc_s: float
     credentials: Credentials | None = None
     driver: DriverModel | None = None
     signals: "BroadcastSignals | None" = None
 
-    def stack(self, digest: PlateDigest | None = None) -> Stack:
+    def stack(
+        self, digest: PlateDigest | None = None, fresh_entropy: FreshEntropy | None = None
+    ) -> Stack:
         """Return new cores with this initial state."""
         return Stack(
             self.config,
@@ -42,4 +45,5 @@ class InitialState:
             driver=self.driver,
             digest=digest,
             signals=self.signals,
+            fresh_entropy=fresh_entropy,
         )

@@ -6,6 +6,7 @@ last digit differently. Signatures are not compared: a recording holds no privat
 
 import json
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
@@ -13,7 +14,13 @@ from typing import Final
 from onboard.errors import UserError
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
-from onboard.recorder.records import Identity, RecordedMessage, RecordingGap, StepEnd
+from onboard.recorder.records import (
+    EntropyInput,
+    Identity,
+    RecordedMessage,
+    RecordingGap,
+    StepEnd,
+)
 from onboard.replay.recorded_stack import replayed_stack
 from onboard.replay.tap import Tap
 from onboard.step import Input
@@ -85,6 +92,20 @@ class GapError(RecordingError):
         self.gap = gap
 
 
+class _DrawnWithinSteps:
+    """What the cores asked for within steps; also recorded between a step and its outputs."""
+
+    def __init__(self) -> None:
+        self.car_ids: dict[tuple[str, int], bytes] = {}
+        self.entropies: deque[bytes] = deque()
+
+    def receive_record(self, value: Identity | EntropyInput) -> None:
+        if isinstance(value, Identity):
+            self.car_ids[value.plate, value.epoch] = value.car_id
+        else:
+            self.entropies.append(value.entropy)
+
+
 def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
     """Step new cores with the inputs of a recording, from its first segment on.
 
@@ -92,7 +113,7 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
         GapError: at the first gap of the recording.
         UserError: an input cannot be read.
     """
-    car_ids: dict[tuple[str, int], bytes] = {}
+    drawn = _DrawnWithinSteps()
     records: list[RecordedMessage] = []
     tap: Tap | None = None
     inputs: list[Input] = []
@@ -108,8 +129,8 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
             value = as_input(entry)
         except UserError as error:
             raise RecordingError(f"{error}; {drive.origin()}") from error
-        if isinstance(value, Identity):  # also between a step and its outputs
-            car_ids[value.plate, value.epoch] = value.car_id
+        if isinstance(value, Identity | EntropyInput):
+            drawn.receive_record(value)
             continue
         if current is not None:
             yield current
@@ -118,7 +139,9 @@ def play(drive: RecordedDrive) -> Iterator[RecordedStep]:
             raise GapError(value)
         if tap is None:
             begins = (value.stamp_s, entry.utc_s) if drive.begins_late else None
-            tap = replayed_stack(drive.header, car_ids, records.append, begins)
+            tap = replayed_stack(
+                drive.header, drawn.car_ids, drawn.entropies, records.append, begins
+            )
         if isinstance(value, StepEnd):
             outputs = tap.step(inputs, value.stamp_s, value.utc_s)
             inputs = []

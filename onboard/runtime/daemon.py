@@ -3,11 +3,13 @@
 import asyncio
 import contextlib
 import math
+import secrets
 import sys
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -28,6 +30,7 @@ from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
+from onboard.security.pseudonyms import ENTROPY_BYTES
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
@@ -83,6 +86,7 @@ class Daemon:
                 driver=self._driver,
                 signals=read_signals(config.obd.broadcast),
             ),
+            partial(secrets.token_bytes, ENTROPY_BYTES) if config.seed is None else None,
         )
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(

@@ -3,6 +3,7 @@
 An identifier that stayed while the others changed would link the old pseudonym to the new one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,10 @@ import numpy as np
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.id_commitment import Proof, leaf, proof_of
 from onboard.security.plate_digest import PlateDigest
+
+FreshEntropy = Callable[[], bytes | None]
+"""Returns secret random octets, `ENTROPY_BYTES`; `None` to go on with the present seed."""
+ENTROPY_BYTES = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,7 @@ class Pseudonyms:
         digest: PlateDigest,
         credentials: Credentials | None,
         rng: np.random.Generator,
+        fresh_entropy: FreshEntropy | None = None,
     ) -> None:
         """Use the pseudonym certificates of `credentials` in turns.
 
@@ -66,17 +72,21 @@ class Pseudonyms:
             digest: derives the communication IDs.
             credentials: `None` if messages are not signed.
             rng: draws temporary IDs and message counts.
+            fresh_entropy: asked at each change for a new seed of `rng`, which all cores share.
         """
         self._plate_text = plate_text
         self._digest = digest
         self._credentials = () if credentials is None else credentials.pseudonyms
         self._rng = rng
+        self._fresh_entropy = fresh_entropy
         self._current: Pseudonym | None = None
 
     def at(self, utc_s: float) -> Pseudonym:
         """Return the pseudonym at `utc_s`; the same object until it ends."""
         ends_at_utc_s = self._digest.epoch_ends_at(utc_s)
         if self._current is None or self._current.ends_at_utc_s != ends_at_utc_s:
+            if self._current is not None:
+                self._reseed()
             car_id = self._digest.car_id(self._plate_text, utc_s)
             credential = self._credential(car_id, utc_s, ends_at_utc_s)
             committed = () if credential is None else credential.committed
@@ -89,6 +99,13 @@ class Pseudonyms:
                 proof=proof_of(car_id, committed) or (),
             )
         return self._current
+
+    def _reseed(self) -> None:
+        """Let no earlier draw or seed tell anything of the next pseudonym."""
+        entropy = None if self._fresh_entropy is None else self._fresh_entropy()
+        if entropy is not None:
+            fresh = type(self._rng.bit_generator)(np.random.SeedSequence(int.from_bytes(entropy)))
+            self._rng.bit_generator.state = fresh.state
 
     def _credential(self, car_id: bytes, utc_s: float, ends_at_utc_s: float) -> Credential | None:
         """Return the certificate of this epoch, one that is valid for all of it.

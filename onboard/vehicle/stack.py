@@ -27,7 +27,7 @@ from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import BrakeCause, Discarded, HardBrake, Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
-from onboard.security.pseudonyms import CertificateExpired, Pseudonyms
+from onboard.security.pseudonyms import CertificateExpired, FreshEntropy, Pseudonyms
 from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
@@ -83,6 +83,7 @@ class Stack:
         driver: DriverModel | None = None,
         digest: PlateDigest | None = None,
         signals: "BroadcastSignals | None" = None,
+        fresh_entropy: FreshEntropy | None = None,
     ) -> None:
         """Start at `now`, which is `utc_s`.
 
@@ -97,12 +98,15 @@ class Stack:
             driver: model learnt in earlier drives; the population's mean if not given.
             digest: derives vehicle IDs from plates; made from `config` if not given.
             signals: those that the vehicle broadcasts on its bus.
+            fresh_entropy: asked at each change of the pseudonym for a new seed of `rng`.
         """
         self._config = config
         self._codecs = {**_CODECS, config.lcca_psid: _Codec("lcca", lcca.decode)}
         self._security = SecurityServices(utc_s - now, credentials)
         self._digest = digest or PlateDigest(config.security.plate_digest)
-        self._pseudonyms = Pseudonyms(config.car.plate, self._digest, credentials, rng)
+        self._pseudonyms = Pseudonyms(
+            config.car.plate, self._digest, credentials, rng, fresh_entropy
+        )
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, self._codecs)

@@ -16,6 +16,7 @@ from onboard.recorder.settings import RecorderSettings
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.security.credentials import Credentials
+from onboard.security.pseudonyms import FreshEntropy
 from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
@@ -78,6 +79,7 @@ def record_drive(
     signed: bool = False,
     start_utc_s: float = START_UTC_S,
     leads: Sequence[Lead] | None = None,
+    fresh_entropy: FreshEntropy | None = None,
     **settings: Any,
 ) -> Path:
     """Record how a vehicle joins the group of the one ahead, which brakes; return `folder`.
@@ -88,6 +90,7 @@ def record_drive(
         signed: whether messages are.
         start_utc_s: UTC at the start of the drive.
         leads: one a step as the vehicle behind sees it; the lead if not given.
+        fresh_entropy: seeds the vehicle behind at each change of its pseudonym.
         settings: of the recorder.
     """
     folder.mkdir(exist_ok=True)
@@ -104,6 +107,7 @@ def record_drive(
                 utc_s=start_utc_s,
                 credentials=key,
             ),
+            None if writer is None else fresh_entropy,
         )
         for writer, plate, seed, key in zip(
             (None, recorder), (AHEAD, BEHIND), (1, 2), keys, strict=True

@@ -11,7 +11,7 @@ from mcap.records import Chunk, Metadata
 
 from onboard.errors import UserError
 from onboard.observations import DetectionList, VehicleDetection
-from onboard.recorder.header import Certificates
+from onboard.recorder.header import FORMAT, Certificates
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry, RecordedDrive, RecordingError, is_finished, raw_records
 from onboard.recorder.repair import repair, write_records
@@ -212,9 +212,13 @@ def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
         (
             "format",
             "0",
-            "by onboard .* in format 0; this is onboard .*, which reads formats 1 to 2",
+            f"by onboard .* in format 0; this is onboard .*, which reads formats 1 to {FORMAT}",
         ),
-        ("format", "3", "by onboard .* in format 3; this is onboard"),
+        (
+            "format",
+            str(FORMAT + 1),
+            f"by onboard .* in format {FORMAT + 1}; this is onboard",
+        ),
         ("segment", "one", "damaged header"),
         ("head", "{", "damaged header"),
         ("head", "{}", "is required and missing"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+import secrets
 import shutil
 import subprocess
 import sys
@@ -16,18 +17,25 @@ from typing_extensions import override
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.errors import UserError
 from onboard.lcca.group import WarningGroup
+from onboard.messages import bsm
 from onboard.recorder.identities import ALIAS_LENGTH, Aliases
 from onboard.recorder.reader import Entry, RecordedDrive, RecordingError, raw_records
 from onboard.recorder.repair import write_records
 from onboard.replay.drive_header import OF_THE_CORES, initial_state_of, make_header
-from onboard.replay.replay import OTHER_PROCESSOR, compare, play
+from onboard.replay.replay import OTHER_PROCESSOR, Output, compare, play
+from onboard.security import ieee1609dot2
 from onboard.security.plate_digest import normalised
+from onboard.security.pseudonyms import ENTROPY_BYTES
 from onboard.tools.recording_cli import expect
 from onboard.vehicle.config import CarConfig
+from onboard.wave_udp import psid, wsmp
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, SIMILAR, record_drive
 from tests.recorder.headers import HEADER
+
+EPOCH_UTC_S = 1_750_000_500.0
+"""At which an epoch begins."""
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +73,59 @@ def test_revocation_lists_are_part_of_the_initial_state(tmp_path: Path) -> None:
 
     assert again is not None
     assert again.crls == (b"list",)
+
+
+class BeforeTheChange(RecordedDrive):
+    """A recording in progress: nothing of the change of the pseudonym is written yet."""
+
+    @override
+    def entries(self) -> Iterator[Entry]:
+        return (each for each in super().entries() if each.topic != "/in/entropy_input")
+
+
+def test_a_drive_that_changes_its_seed_with_its_pseudonym_is_replayed(tmp_path: Path) -> None:
+    seeds = iter((b"a seed of 16 oct",))
+    recording = RecordedDrive(
+        [record_drive(tmp_path, start_utc_s=EPOCH_UTC_S - 2.0, fresh_entropy=lambda: next(seeds))]
+    )
+
+    used = [each.record for each in recording.entries() if each.topic == "/in/entropy_input"]
+    comparison = compare(recording)
+
+    assert [bytes.fromhex(each["entropy"]) for each in used] == [b"a seed of 16 oct"]
+    assert comparison.difference is None
+    assert comparison.until_s > 3.9
+
+
+def test_a_recording_in_progress_does_not_give_away_the_next_pseudonym(tmp_path: Path) -> None:
+    """The seed in its header gave the temporary IDs of the whole drive."""
+    path = record_drive(
+        tmp_path,
+        start_utc_s=EPOCH_UTC_S - 2.0,
+        fresh_entropy=lambda: secrets.token_bytes(ENTROPY_BYTES),
+    )
+    sent = {True: set[bytes](), False: set[bytes]()}
+    predicted: set[bytes] = set()
+    for step in play(BeforeTheChange([path])):
+        after = step.at_s >= 2.0
+        sent[after] |= temporary_ids(step.recorded)
+        predicted |= temporary_ids(step.replayed) if after else set()
+
+    assert len(sent[False]) == len(sent[True]) == len(predicted) == 1
+    assert predicted.isdisjoint(sent[True])
+
+
+def temporary_ids(outputs: list[Output]) -> set[bytes]:
+    """Return those in the BSMs among them."""
+    frames = [
+        wsmp.decode(bytes.fromhex(json.loads(each.data)["data"]))
+        for each in outputs
+        if each.topic == "/out/wsm"
+    ]
+    payloads = [
+        ieee1609dot2.decode(each.payload).payload for each in frames if each.psid == psid.BSM
+    ]
+    return {bsm.decode(each).core.temporary_id for each in payloads}
 
 
 class DerivedMeanwhile(RecordedDrive):
