@@ -11,11 +11,10 @@ from onboard.kinematics.heading import Heading, HeadingFilter
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.settings import SensingSettings
 from onboard.observations import Position, VehicleDetection
+from onboard.sensors.host_state import PREDICTED_POSITION_VALID_S
 
 MAX_ORIGIN_DISTANCE_M = 5000.0
 """Farther from its origin, the frame is moved: `LocalFrame` is right to 1 cm up to here."""
-POSITION_TIMEOUT_S = 1.5
-"""Time for which a fix is predicted at its speed before the position counts as missing."""
 REPORTED_SPEED_SIGMA_M_S = 0.5
 """Error of the reported velocity of a vehicle, on either axis."""
 UNREPORTED_SPEED_SIGMA_M_S = 30.0
@@ -82,7 +81,8 @@ class HostVehicle:
 
     def has_position(self, at_s: float) -> bool:
         """Whether the last fix is recent enough at `at_s`."""
-        return self._fix is not None and abs(at_s - self._fix.stamp_s) <= POSITION_TIMEOUT_S
+        fix = self._fix
+        return fix is not None and abs(at_s - fix.stamp_s) <= PREDICTED_POSITION_VALID_S
 
     def heading(self, at_s: float) -> Heading | None:
         """Return the heading; `None` before the first course, or where it is too uncertain."""

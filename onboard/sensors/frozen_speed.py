@@ -1,6 +1,7 @@
 """Finds a speed of the bus that stays the same while the vehicle's speed over ground is another."""
 
 from onboard.observations import Position, Speed
+from onboard.sensors.host_state import PREDICTED_POSITION_VALID_S
 
 FROZEN_AFTER_S = 2.0
 """A driver who holds the speed to one step of 1 km/h for longer drives at that speed."""
@@ -8,8 +9,6 @@ DIFFERENCE_M_S = 3.0
 """Between bus and receiver, more than slipping wheels and multipath give over `FROZEN_AFTER_S`."""
 DIFFERENCE_SHARE = 0.1
 """Of the speed, in addition: largest error of a speedometer (UN R39)."""
-FIX_TIMEOUT_S = 1.5
-"""An older fix contradicts nothing: one a second, reported late."""
 
 
 class FrozenSpeed:
@@ -33,7 +32,9 @@ class FrozenSpeed:
         if first is None or first.speed_m_s != speed.speed_m_s or first.stamp_s > speed.stamp_s:
             self._unchanged[speed.source] = first = speed
         fix = self._fix
-        if fix is None or fix.speed_m_s is None or speed.stamp_s - fix.stamp_s > FIX_TIMEOUT_S:
+        if fix is None or fix.speed_m_s is None:
+            return False
+        if speed.stamp_s - fix.stamp_s > PREDICTED_POSITION_VALID_S:
             return False
         largest_m_s = DIFFERENCE_M_S + DIFFERENCE_SHARE * speed.speed_m_s
         is_contradicted = abs(fix.speed_m_s - speed.speed_m_s) > largest_m_s

@@ -13,14 +13,16 @@ from onboard.sensors.turn_signals import TurnSignals
 from onboard.trace.trace_line import Event
 
 SPEED_VALID_S = 1.0
-"""Of a speed that is warned by or sent: the slowest ECUs answer twice a second, and one answer may
-be lost."""
+"""Of a speed that is warned by, sent or followed at: the slowest ECUs answer twice a second, and
+one answer may be lost."""
 BRAKING_SPEED_VALID_S = 0.5
 """Of a speed that braking is requested by: at 8 m/s^2 it is wrong by 4 m/s by then."""
 PEDAL_VALID_S = 1.0
 """Of a brake pedal that is sent: as of the speed beside it."""
 POSITION_VALID_S = 1.6
 """Of a position that is sent: receivers at 1 Hz deliver late. `sec_mark` is the time of the fix."""
+PREDICTED_POSITION_VALID_S = 1.5
+"""Of a fix that a position is predicted from, or that the speed on the bus is compared with."""
 HOST_WINDOW_S = 0.5
 """Window of the acceleration that alarms use: steps of 1 km/h are 0.2 m/s^2 over it."""
 BRAKING_WINDOW_S = 0.6
