@@ -1,4 +1,4 @@
-"""Boxes by a detector of the user's: an ONNX model, as the YOLO family exports it."""
+"""Boxes by a detector of the user's: an ONNX model of one of the usual layouts."""
 
 import cv2
 import numpy as np
@@ -6,17 +6,18 @@ import numpy.typing as npt
 
 from onboard.errors import UserError
 from onboard.observations import ImageBox
+from onboard.vision.box_layouts import Boxes, LayoutError, boxes, network_input
 from onboard.vision.network import NETWORK_ERRORS, Network
 from onboard.vision.settings import BoxModelSettings
 
 _GREY = (114, 114, 114)
 """Fill colour beside an image of another aspect ratio, as in the training of such models."""
-_STRIDES = (8, 16, 32)
-"""Sides of the cells of YOLOX in pixels of its input (Ge et al. 2021)."""
 LARGEST_BYTES = 400_000_000
 """Size of a file above which it is not loaded: the largest of the YOLOX family has 396 MB."""
 _MIN_OVERLAP = 0.5
 """Intersection over union from which two boxes are one object."""
+MOST_BOXES = 1000
+"""Boxes that are compared with each other, those with the highest scores: a street has some ten."""
 
 
 class BoxModel:
@@ -26,10 +27,9 @@ class BoxModel:
         """Load the model; `name` is its settings' place in the configuration.
 
         Raises:
-            UserError: it is missing, not a model that can be run, or its output does not
-                have the format of `settings`.
+            UserError: it is missing, not a model that can be run, or its output does not have the
+                format of `settings`.
         """
-        self._name = name
         self._settings = settings
         if not settings.file.is_file():
             raise UserError(f"{name}.file: {settings.file}: no such file")
@@ -45,6 +45,8 @@ class BoxModel:
         width, height = settings.input_width_px, settings.input_height_px
         try:
             self.find(np.zeros((height, width, 3), np.uint8))
+        except LayoutError as error:
+            raise UserError(f"{name}.layout: {error}") from error
         except NETWORK_ERRORS as error:
             raise UserError(
                 f"{name}: {settings.file}: cannot run on an input of {width} x {height} px "
@@ -58,60 +60,17 @@ class BoxModel:
         size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
         fitted = np.full((height, width, 3), _GREY, np.uint8)
         fitted[: size[1], : size[0]] = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        is_yolox = self._settings.layout == "yolox"
-        scaling = 1.0 if is_yolox else 1 / 255.0
-        blob = cv2.dnn.blobFromImage(fitted, scaling, swapRB=not is_yolox)
-        boxes, scores = self._boxes(self._network.run(np.asarray(blob, np.float32))[0])
+        outputs = self._network.run(network_input(fitted, self._settings))
+        found = _likeliest(boxes(outputs, self._settings))
         kept = cv2.dnn.NMSBoxes(
-            boxes.tolist(), scores.tolist(), self._settings.least_score, _MIN_OVERLAP
+            found.sides.tolist(), found.scores.tolist(), self._settings.least_score, _MIN_OVERLAP
         )
         return [
-            (ImageBox(*(float(value) / scale for value in boxes[index])), float(scores[index]))
-            for index in kept
+            (ImageBox(*(float(side) / scale for side in found.sides[at])), float(found.scores[at]))
+            for at in kept
         ]
 
-    def _boxes(
-        self, output: npt.NDArray[np.float32]
-    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """(n, 4) left, top, width, height in input pixels, and (n,) scores."""
-        is_yolox = self._settings.layout == "yolox"
-        has_objectness = self._settings.has_objectness or is_yolox
-        first_class = 5 if has_objectness else 4
-        least_values = first_class + max(self._settings.classes) + 1
-        rows = output[0] if output.ndim == 3 else np.zeros((0, 0), np.float32)
-        if rows.shape[1] > rows.shape[0]:
-            rows = rows.T
-        if rows.shape[1] < least_values:
-            raise UserError(
-                f"{self._name}: output of shape {output.shape}, but (1, rows, "
-                f"{least_values} values or more) fits has_objectness and classes"
-            )
-        if is_yolox:
-            rows = self._from_cells(rows)
-        rows = rows[np.isfinite(rows).all(axis=1)]
-        columns = [first_class + number for number in self._settings.classes]
-        scores = rows[:, columns].max(axis=1)
-        if has_objectness:
-            scores = scores * rows[:, 4]
-        sides = rows[:, 2:4]
-        return np.hstack([rows[:, :2] - sides / 2, sides]), scores
 
-    def _from_cells(self, rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Rows of YOLOX with centres and sides in input pixels."""
-        width, height = self._settings.input_width_px, self._settings.input_height_px
-        cells = [
-            (x * side, y * side, side)
-            for side in _STRIDES
-            for y in range(height // side)
-            for x in range(width // side)
-        ]
-        if len(rows) != len(cells):
-            raise UserError(
-                f"{self._name}.layout: yolox has {len(cells)} rows for an input of {width} x "
-                f"{height} px, but {self._settings.file} gives {len(rows)}"
-            )
-        corners = np.asarray(cells, np.float32)
-        pixels = rows.copy()
-        pixels[:, :2] = rows[:, :2] * corners[:, 2:] + corners[:, :2]
-        pixels[:, 2:4] = np.exp(np.minimum(rows[:, 2:4], 10.0)) * corners[:, 2:]
-        return pixels
+def _likeliest(found: Boxes) -> Boxes:
+    best = np.argsort(-found.scores, kind="stable")[:MOST_BOXES]
+    return Boxes(found.sides[best], found.scores[best])

@@ -24,6 +24,8 @@ NETWORK_ERRORS: tuple[type[Exception], ...] = (
     failures.NoSuchFile,
     failures.NotImplemented,
     failures.RuntimeException,
+    TypeError,
+    ValueError,
 )
 """What a file that is no network raises, or one that cannot run on an input."""
 
@@ -32,7 +34,7 @@ class Network:
     """One network, loaded once; not to be shared between threads."""
 
     def __init__(self, file: Path) -> None:
-        """Load the file, and nothing that it refers to.
+        """Load the file, and no other that it refers to outside the working directory.
 
         Raises:
             FileNotFoundError: it is missing.
@@ -49,12 +51,25 @@ class Network:
             file.read_bytes(), options, providers=["CPUExecutionProvider"]
         )
         self._input: str = self._session.get_inputs()[0].name
+        self._outputs: list[str] = [each.name for each in self._session.get_outputs()]
 
-    def run(self, given: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
-        """All outputs for one input.
+    def run(self, given: npt.NDArray[np.generic]) -> dict[str, npt.NDArray[np.float32]]:
+        """All outputs for one input, by name.
 
         Raises:
-            NETWORK_ERRORS: it cannot run on an input of this shape.
+            NETWORK_ERRORS: it cannot run on this input, or has outputs that are no numbers.
         """
         outputs = self._session.run(None, {self._input: given})
-        return [np.asarray(each, np.float32) for each in outputs]
+        return {
+            name: np.asarray(values, np.float32)
+            for name, values in zip(self._outputs, outputs, strict=True)
+        }
+
+    def run_one(self, given: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """The output of a network that has one.
+
+        Raises:
+            NETWORK_ERRORS: as of `run`.
+        """
+        (output,) = self.run(given).values()
+        return output

@@ -219,7 +219,7 @@ def _run(network: Network, grey: Image, least: float, sure: float) -> list[Plate
     padded = cv2.copyMakeBorder(
         grey, 0, rows - grey.shape[0], 0, columns - grey.shape[1], cv2.BORDER_REPLICATE
     )
-    answer = network.run(as_input(np.asarray(padded, np.uint8)[None]))[0][0]
+    answer = network.run_one(as_input(np.asarray(padded, np.uint8)[None]))[0]
     scores = 1 / (1 + np.exp(-answer[0]))
     return _merged(scores, answer[1:], least, sure)
 

@@ -109,7 +109,7 @@ class PlateReader:
             return PlateText("", 0.0, 0.0)
         shown = normalised(views)
         mean = PlateViews(shown) if seen is None else seen.with_views(shown)
-        (scores,) = self._network.run(mean.sharpened(_PLATE_COLUMNS / plate_px))
+        scores = self._network.run_one(mean.sharpened(_PLATE_COLUMNS / plate_px))
         return replace(decode(scores[:, :, 0].transpose(0, 2, 1), self._syntax), views=mean)
 
 

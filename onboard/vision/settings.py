@@ -148,17 +148,15 @@ ClassNumbers = Annotated[tuple[Annotated[int, Field(ge=0, le=9999)], ...], Field
 
 
 class BoxModelSettings(Settings):
-    """A detector of the user's: an ONNX model, as the YOLO family exports it.
-
-    Its output is (1, rows, values) or its transpose; a row is the centre, width and height of a box
-    in pixels of the input, then a score for each class.
-    """
+    """A detector of the user's: an ONNX model of one of the usual layouts."""
 
     file: Path
     """The ONNX file."""
-    layout: Literal["yolo", "yolox"] = "yolo"
-    """`yolox`: rows are offsets in cells of 8, 16 and 32 pixels and logarithms of sides, as YOLOX
-    exports them, always with objectness; its input is BGR from 0 to 255."""
+    layout: Literal["yolo", "yolox", "nanodet", "ssd"] = "yolo"
+    """`yolo`: the output is (1, rows, values) or its transpose; a row is the centre, width and
+    height of a box in pixels of the input, then a score for each class. `yolox`: rows are offsets
+    in cells and logarithms of sides, always with objectness. `nanodet`: NanoDet-Plus. `ssd`: of the
+    TensorFlow Object Detection API, whose classes count from 1."""
     input_width_px: int = Field(640, ge=32, le=4096)
     """Size of the model's input; frames are scaled to it."""
     input_height_px: int = Field(640, ge=32, le=4096)

@@ -80,7 +80,7 @@ class VehicleFinder:
         view = cv2.resize(image, (WIDTH_PX, rows), interpolation=way)
         below = -rows % COARSEST_PX
         view = cv2.copyMakeBorder(view, 0, below, 0, 0, cv2.BORDER_REPLICATE)
-        (answer,) = self._network.run(as_input(np.asarray(view, np.uint8)[None]))
+        answer = self._network.run_one(as_input(np.asarray(view, np.uint8)[None]))
         found = decode(answer[0], self._least_score)
         size = np.asarray([image.shape[1], image.shape[0]])
         return [_scaled(vehicle, 1 / scale, size) for vehicle in found]

@@ -44,6 +44,75 @@ def write_yolox_like(path: Path, side_px: int = 64) -> None:
     path.write_bytes(model)
 
 
+def write_answers(
+    path: Path, answers: dict[str, np.ndarray], input_sides: list[int], *, of_bytes: bool = False
+) -> None:
+    """A model whose outputs are the same for every picture.
+
+    Its input has numbers of 32 bits, or bytes.
+    """
+    graph = b"".join(
+        [
+            *(
+                _bytes(
+                    1,
+                    _node(
+                        "Identity",
+                        [
+                            f"{name}_",
+                        ],
+                        name,
+                        [],
+                    ),
+                )
+                for name in answers
+            ),
+            _bytes(2, b"answers"),
+            *(_bytes(5, _tensor(f"{name}_", values)) for name, values in answers.items()),
+            _bytes(11, _value("picture", input_sides, 2 if of_bytes else 1)),
+            *(_bytes(12, _value(name, list(values.shape))) for name, values in answers.items()),
+        ]
+    )
+    model = _number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, b"") + _number(2, 13))
+    path.write_bytes(model)
+
+
+def write_greedy(path: Path, side_px: int) -> None:
+    """A model whose answer has 2^40 pictures."""
+    nodes = [
+        _node("ConstantOfShape", ["shape"], "huge", []),
+        _node("Add", ["picture", "huge"], "found", []),
+    ]
+    shape = np.array([1 << 40, 3, side_px, side_px], np.int64)
+    _write(path, nodes, [_tensor("shape", shape)], shape.tolist())
+
+
+def write_referring(path: Path, side_px: int) -> None:
+    """A model whose weights are another file of the computer's."""
+    location = _bytes(1, b"location") + _bytes(2, b"../../../../etc/passwd")
+    weights = _number(1, 4) + _number(2, 1) + _bytes(8, b"weights") + _number(14, 1)
+    _write(
+        path,
+        [_node("Add", ["picture", "weights"], "found", [])],
+        [weights + _bytes(13, location)],
+        [1, 3, side_px, side_px],
+    )
+
+
+def _write(path: Path, nodes: list[bytes], tensors: list[bytes], found: list[int]) -> None:
+    graph = b"".join(
+        [
+            *(_bytes(1, node) for node in nodes),
+            _bytes(2, b"hostile"),
+            *(_bytes(5, tensor) for tensor in tensors),
+            _bytes(11, _value("picture", [1, 3, *found[2:]])),
+            _bytes(12, _value("found", found)),
+        ]
+    )
+    model = _number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, b"") + _number(2, 13))
+    path.write_bytes(model)
+
+
 def write_red_square_detector(path: Path, side_px: int = 64, box_px: float = 16.0) -> None:
     cells = side_px // CELL_PX
     count = cells * cells
@@ -123,7 +192,7 @@ def _tensor(name: str, values: np.ndarray) -> bytes:
     return dimensions + _number(2, kind) + _bytes(8, name.encode()) + _bytes(9, raw)
 
 
-def _value(name: str, sides: list[int]) -> bytes:
+def _value(name: str, sides: list[int], element: int = 1) -> bytes:
     dimensions = b"".join(_bytes(1, _number(1, side)) for side in sides)
-    kind = _bytes(1, _number(1, 1) + _bytes(2, dimensions))
+    kind = _bytes(1, _number(1, element) + _bytes(2, dimensions))
     return _bytes(1, name.encode()) + _bytes(2, kind)
