@@ -9,20 +9,16 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 
-from onboard.kinematics.acceleration import AccelerationEstimator, is_jump
-from onboard.observations import NEW_LEAD_M, Lead, Speed
+from onboard.observations import Lead, Speed
 from onboard.risk.alarm import AlarmReason
+from onboard.risk.lead_motion import LeadMotion
 from onboard.risk.situation import Situation
 from onboard.risk.vehicle_motion import SETTLED_SIGMA_M_S
-from onboard.sensors.host_state import BRAKING_WINDOW_S
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
-LEAD_WINDOW_S = BRAKING_WINDOW_S
-"""Window over which decelerations are estimated: ten images a second give six speeds."""
 OBJECT_WINDOW_S = 0.35
-"""The same for perceived objects, whose speeds are filtered: four speeds, ten a second."""
-LEAD_DEADBAND_M_S2 = 1.5
-"""Estimated decelerations of the lead below this may be noise, and count as none."""
+"""Window of the decelerations of perceived objects, whose speeds are filtered: four speeds, ten a
+second."""
 YOUNG_S = 1.0
 """A vehicle that others have told of for less time is not assessed: on busy computers, measurements
 with late stamps make a second track of a vehicle, whose speed is wrong by many sigmas."""
@@ -99,48 +95,6 @@ class VehicleAhead:
             deceleration_m_s2=max(self.deceleration_m_s2, other.deceleration_m_s2),
             measured=(*self.measured, *other.measured),
         )
-
-
-class LeadMotion:
-    """Deceleration of a vehicle ahead: the slope of its speed over a short window."""
-
-    def __init__(self, window_s: float = LEAD_WINDOW_S) -> None:
-        """Estimate over `window_s`."""
-        self._trend = AccelerationEstimator(window_s)
-        self._last: tuple[float, float, float] | None = None
-
-    def receive_speed(self, stamp_s: float, gap_m: float, lead_speed_m_s: float) -> None:
-        """Take its speed and the gap to it; a jump of either is another vehicle, and starts anew.
-
-        Args:
-            stamp_s: time of the observation.
-            gap_m: to the vehicle.
-            lead_speed_m_s: of the vehicle.
-        """
-        before_s, gap_before_m, speed_before_m_s = self._last or (stamp_s, gap_m, lead_speed_m_s)
-        is_other_speed = is_jump(
-            lead_speed_m_s - speed_before_m_s, abs(stamp_s - before_s), SETTLED_SIGMA_M_S
-        )
-        if is_other_speed or abs(gap_m - gap_before_m) > NEW_LEAD_M:
-            self._trend.clear()
-        self._last = stamp_s, gap_m, lead_speed_m_s
-        self._trend.receive_speed(stamp_s, lead_speed_m_s)
-
-    def clear(self) -> None:
-        """Start anew: the speed is unknown."""
-        self._trend.clear()
-
-    def deceleration_m_s2(self, speed_sigma_m_s: float = 0.0) -> float:
-        """Return the deceleration less its sigma; 0 while it is not clear that the vehicle brakes.
-
-        Args:
-            speed_sigma_m_s: of each speed.
-        """
-        slope = self._trend.acceleration_m_s2
-        if slope is None:
-            return 0.0
-        certain_m_s2 = -slope - self._trend.sigma_m_s2(speed_sigma_m_s)
-        return certain_m_s2 if certain_m_s2 >= LEAD_DEADBAND_M_S2 else 0.0
 
 
 class CameraLead:

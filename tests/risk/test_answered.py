@@ -13,10 +13,10 @@ from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.fcw import FCW
+from onboard.risk.lead_motion import LEAD_WINDOW_S
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.required_deceleration import required_deceleration_m_s2
 from onboard.risk.settings import RiskSettings
-from onboard.risk.vehicles_ahead import LEAD_WINDOW_S
 
 Braking = Callable[[float], float]
 """Time in s -> deceleration in m/s^2."""

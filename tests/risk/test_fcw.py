@@ -12,6 +12,7 @@ from onboard.kinematics.units import KM_H, MPH, STANDARD_GRAVITY_M_S2
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.fcw import FCW, fcw_level, settled_closing_speed_m_s
+from onboard.risk.lead_motion import LeadMotion
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.required_deceleration import (
     brakes_enough,
@@ -19,7 +20,6 @@ from onboard.risk.required_deceleration import (
     time_to_collision_s,
 )
 from onboard.risk.settings import FcwSettings, RiskSettings
-from onboard.risk.vehicles_ahead import LeadMotion
 
 Motion = Callable[[float], tuple[float, float]]
 """Time in s -> (distance driven in m, speed in m/s)."""
