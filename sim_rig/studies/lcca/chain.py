@@ -65,7 +65,7 @@ class ChainSettings(Settings):
     shares: Several[Share] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Shares of the cars with a radio."""
     sights: Several[Sight] = ("unlimited", "recommended", "rig")
-    """How cars know the one ahead: `unlimited`; by the camera model with the `recommended` lens or
+    """How cars know their lead: `unlimited`; by the camera model with the `recommended` lens or
     the one of the `rig`; or up to so many metres."""
     reaction_medians_s: Several[Positive] = (1.0, 1.5)
     """Medians of the log-normal reaction time without a warning."""
@@ -106,7 +106,7 @@ class ChainCase(Case):
     reaction_median_s: float
     cars: int
     sight: Sight
-    """How they know the one ahead."""
+    """How they know their lead."""
     share: float
     """Of the cars with a radio."""
 

@@ -1,4 +1,4 @@
-"""How often another vehicle than the one ahead is taken for it.
+"""How often another vehicle than the lead is taken for it.
 
 A host vehicle has a new lead every few seconds, among many in range. Its camera reads the
 plate by the model of photographs (`sim_rig/cars/plate_readings.py`). Of its cores `Identification`
@@ -37,7 +37,7 @@ BSM_EVERY = 3
 SPEED_STEP_M_S = 1 / 3.6
 """Resolution of OBD speeds."""
 WRONG_S = 1.0
-"""Time for which another vehicle may be taken for the one ahead."""
+"""Time for which another vehicle may be taken for the lead."""
 
 
 class Insider(StrEnum):
@@ -351,7 +351,7 @@ def summary(results: Results[FalseIdentitySettings, DriveRow, IdentityLine]) -> 
 
 STUDY = Study(
     name="false-identity",
-    sentence="How often, and for how long, another vehicle is taken for the one ahead.",
+    sentence="How often, and for how long, another vehicle is taken for the lead.",
     settings=FalseIdentitySettings,
     axes=axes,
     repeat=lambda settings: settings.runs,

@@ -75,7 +75,7 @@ class LoadRow:
     bsms_received: float
     """Share of the BSMs that a car in range receives."""
     identified: int
-    """Cars that know the one ahead."""
+    """Cars that know their lead."""
 
 
 def run(settings: InquiryLoadSettings, case: LoadCase) -> LoadRow:
@@ -125,7 +125,7 @@ class _Traffic:
 
     @property
     def identified(self) -> int:
-        """Number of cars that know the one ahead."""
+        """Number of cars that know their lead."""
         return sum(core.identity is not None for core in self._cores)
 
     def step(self, now: float, *, counts: bool) -> None:

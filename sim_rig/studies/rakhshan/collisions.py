@@ -89,7 +89,7 @@ def hits_in_pile_up(
 ) -> NDArray[np.bool_]:
     """Whether each follower hits the lead if a collision shortens the way to standstill.
 
-    A car that hits the one ahead comes to rest no further than behind it, so the car that follows
+    A car that hits its lead comes to rest no further than behind it, so the car that follows
     has less room.
 
     Args:

@@ -114,7 +114,7 @@ class RakhshanHighwaySettings(Settings):
     one_lane_brakes: bool = False
     """The cars of the other lanes only send."""
     pile_ups: bool = False
-    """A car that hits the one ahead comes to rest no further than behind it."""
+    """A car that hits its lead comes to rest no further than behind it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
