@@ -95,6 +95,7 @@ STUDY = Study(
     settings=RakhshanSettings,
     default=BROAD,
     takes_settings=False,
+    about_s=lambda _: 110.0,
     case=Case,
     run=run,
     table=table,
