@@ -101,7 +101,7 @@ def test_a_setting_may_be_joined_to_its_name(tmp_path: Path) -> None:
     code, output = study("--cars=3", "--seeds=1", "--seconds=1.2", "--workers", "1", out=tmp_path)
 
     assert code == 0, output
-    assert output.startswith("radio: 3 cars, 1 seeds")
+    assert "\nradio: 3 cars, 1 seeds" in output
 
 
 def test_what_waits_too_long_is_given_up_and_counts_as_sent() -> None:
