@@ -87,8 +87,8 @@ def play_drive(source: DriveSource, file: Path, out: Path, seconds: float) -> Ou
         console.print(f"not played, since they are on no wire: {kinds}", soft_wrap=True)
     played = run_until_terminated(play(source.drive, car, box, folder, seconds))
     console.print(lateness_table(played.lateness))
-    if (why := _why_invalid(played)) is not None:
-        return _invalid(why, console)
+    if played.why_not_copied is not None:
+        return _invalid(f"not judged: {played.why_not_copied}", console)
     assert box.recording is not None  # noqa: S101 (required above)
     recording = next(read_box_recordings(box.recording))
     _copy(recording, folder / "box" / car)
@@ -96,7 +96,14 @@ def play_drive(source: DriveSource, file: Path, out: Path, seconds: float) -> Ou
         found = compare_decisions(car, source, recording, played)
     except NotPlayedError as error:
         return _invalid(f"not judged: {error}", console)
-    return _print(found, console)
+    _print(found, console)
+    if late := _late(played):
+        return _invalid(f"the rig was late: {late}", console)
+    if found.replayed.difference is not None or found.decisions.first is not None:
+        console.print("[red]FAILED[/red] the box decided otherwise than the replay")
+        return Outcome.FAILED
+    console.print("[green]PASSED[/green] the box decided as the replay")
+    return Outcome.PASSED
 
 
 def _require_wires(drive: PlayedDrive, box: BoxSettings, file: Path) -> None:
@@ -108,15 +115,13 @@ def _require_wires(drive: PlayedDrive, box: BoxSettings, file: Path) -> None:
         raise SettingsError(f"{file}: recording: is required, since it shows what the box decided")
 
 
-def _why_invalid(played: Played) -> str | None:
-    if played.why_not_copied is not None:
-        return f"not judged: {played.why_not_copied}"
-    late = [
+def _late(played: Played) -> str:
+    """What was too late; empty if nothing was."""
+    return "; ".join(
         f"{each.what} p99 {each.p99_s * 1e3:.0f} ms, limit {each.limit_s * 1e3:.0f} ms"
         for each in played.lateness
         if each.is_too_late
-    ]
-    return f"the rig was late: {'; '.join(late)}" if late else None
+    )
 
 
 def _invalid(why: str, console: Console) -> Outcome:
@@ -131,13 +136,8 @@ def _copy(recording: BoxRecording, folder: Path) -> None:
         shutil.copy(file, folder)
 
 
-def _print(found: BoxDecisions, console: Console) -> Outcome:
+def _print(found: BoxDecisions, console: Console) -> None:
     replayed = found.replayed
     alike = f"{replayed.outputs} outputs of the box in {replayed.until_s:.1f} s replay equal"
     console.print(alike if replayed.difference is None else f"{alike}, then differ", soft_wrap=True)
     console.print(f"replay of the drive, and box: {sentence(found.decisions)}", soft_wrap=True)
-    if replayed.difference is None and found.decisions.first is None:
-        console.print("[green]PASSED[/green] the box decided as the replay")
-        return Outcome.PASSED
-    console.print("[red]FAILED[/red] the box decided otherwise than the replay")
-    return Outcome.FAILED
