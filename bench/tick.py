@@ -26,7 +26,8 @@ from onboard.tracking.perceived_object import PerceivedObject
 from onboard.tracking.tracks import TrackingParameters
 from sim_rig.studies.mvs.roads import SPEED_M_S, SixLaneRoad
 from sim_rig.studies.mvs.sampled_bus import TICK_S
-from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld
+from sim_rig.studies.mvs.world_settings import WorldSettings
 
 TICKS, WARM, ROUNDS = 20, 10, 10
 RADIOS, SPACING_M = 41, 22.0

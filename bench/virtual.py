@@ -16,7 +16,8 @@ from onboard.risk.settings import RiskSettings
 from sim_rig.studies.mvs.driver_warning import WarningModel
 from sim_rig.studies.mvs.roads import LANES_M, SixLaneRoad
 from sim_rig.studies.mvs.sampled_bus import TICK_S
-from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import MvsWorld
+from sim_rig.studies.mvs.world_settings import WorldSettings
 from sim_rig.studies.soak.fleet import resident_bytes
 
 SHARE = 0.4

@@ -17,7 +17,8 @@ from onboard.tracking.tracks import TrackingParameters
 from sim_rig.roads.cars import Cars
 from sim_rig.studies.mvs.methods import covariance_intersection, use_all
 from sim_rig.studies.mvs.roads import SixLaneRoad, states_of
-from sim_rig.studies.mvs.world import ORIGIN, START_UTC_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import ORIGIN, START_UTC_S, MvsWorld
+from sim_rig.studies.mvs.world_settings import WorldSettings
 
 CENTRALISED, MVS, NAIVE, INTERSECTION, OWN = "centralised", "mvs", "naive", "intersection", "own"
 Q = 1.0

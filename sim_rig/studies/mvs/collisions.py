@@ -21,7 +21,7 @@ from sim_rig.studies.campaigns.study import Axes, Case
 from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSettings, Method
 from sim_rig.studies.mvs.outcomes import CrashOutcome
 from sim_rig.studies.mvs.scenes import SceneSource, available_scene
-from sim_rig.studies.mvs.world import FooterSize
+from sim_rig.studies.mvs.world_settings import FooterSize
 
 MOST_COMPARED = 0.4
 _PAIR_RADIOS = ((False, False), (True, False), (False, True), (True, True))

@@ -26,7 +26,8 @@ from sim_rig.studies.mvs.outcomes import CrashPair, EncounterOutcome
 from sim_rig.studies.mvs.profiles import WorldProfile
 from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource
-from sim_rig.studies.mvs.world import MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import MvsWorld
+from sim_rig.studies.mvs.world_settings import WorldSettings
 from sim_rig.studies.radio.lossy_reach import LossyReach
 
 _PATH_M = np.arange(0.0, 61.0, 10.0)

@@ -34,7 +34,7 @@ from sim_rig.studies.mvs.encounter import EncounterCase, EncounterSettings, Meth
 from sim_rig.studies.mvs.outcomes import CrashOutcome
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.scenes import SceneName
-from sim_rig.studies.mvs.world import WorldSettings
+from sim_rig.studies.mvs.world_settings import WorldSettings
 
 _CROSSING_DEG = 30.0
 """Crashes at smaller angles are rear-end crashes."""

@@ -16,7 +16,7 @@ from sim_rig.studies.mvs.sharing import (
     prepared,
     run,
 )
-from sim_rig.studies.mvs.world import FooterSize
+from sim_rig.studies.mvs.world_settings import FooterSize
 
 PAPER_SHARES = (0.1, 0.2, 0.3, 0.4)
 PAPER = {

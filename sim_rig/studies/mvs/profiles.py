@@ -9,7 +9,7 @@ from sim_rig.scenario.sensor_settings import (
     VehicleCameraSettings,
 )
 from sim_rig.scenario.setting_types import by_name
-from sim_rig.studies.mvs.world import WorldSettings
+from sim_rig.studies.mvs.world_settings import WorldSettings
 
 
 def _of_detector(detector: VehicleCameraSettings) -> WorldSettings:

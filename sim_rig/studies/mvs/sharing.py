@@ -24,7 +24,8 @@ from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource, available_scene, open_scene
-from sim_rig.studies.mvs.world import ORIGIN, START_UTC_S, FooterSize, MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import ORIGIN, START_UTC_S, MvsWorld
+from sim_rig.studies.mvs.world_settings import FooterSize, WorldSettings
 
 _WINDOW_MS = 100
 _FARTHEST_M = 3.0

@@ -8,15 +8,11 @@ decoded once for all receivers.
 
 import math
 from collections.abc import Iterable, Set
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Self
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.kinematics.units import KM_H
 from onboard.messages import bsm, sdsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
@@ -28,16 +24,14 @@ from onboard.mvs.settings import MvsSettings
 from onboard.observations import HardBrake, Position, Speed, VehicleDetection
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_state import HostState
-from onboard.settings import Settings
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from onboard.vehicle.shared_sensing import SharedSensing
-from sim_rig.cars.vehicle_camera import REAR_VIEW_RAD
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
-from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
-from sim_rig.scenario.sensor_settings import LensSettings
+from sim_rig.studies.mvs.ranging_sensor import RangingSensor
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
+from sim_rig.studies.mvs.world_settings import WorldSettings
 from sim_rig.studies.radio.lossy_reach import LossyReach
 from sim_rig.studies.radio.study_channel import BSM_BYTES, StudyChannel
 
@@ -46,57 +40,6 @@ START_UTC_S = 1_750_000_000.0
 _BSM_PRIORITY = 5
 _ARRIVAL_M_S = 10.0
 """Speed of the first fix of a car, which gives it a heading even if it stands."""
-
-
-FooterSize = Annotated[int, Field(ge=0, le=64)]
-"""M, as `MvsSettings.max_entries` bounds it."""
-
-
-class WorldSettings(Settings):
-    """True properties of sensors and radio."""
-
-    senses: bool = True
-    """Whether cars with a radio have sensors."""
-    sensing_range_m: float = Field(60.0, gt=0.0)
-    """Range of the sensors."""
-    view_deg: float = Field(360.0, gt=0.0, le=360.0)
-    """Field of view, centred straight ahead."""
-    rear_only: bool = False
-    """Whether only cars that show their rear, up to 60 degrees aslant, are detected."""
-    detection: float = Field(0.95, ge=0.0, le=1.0)
-    """Probability that a car in view is detected in one tick."""
-    range_sigma_m: float = Field(0.4, ge=0.0)
-    """Standard deviation of a range at 0 m."""
-    range_sigma_per_m: float = Field(0.01, ge=0.0)
-    """Added to it, for each metre of range; one of both is above 0."""
-    bearing_sigma_rad: float = Field(0.01, gt=0.0)
-    """Standard deviation of a bearing."""
-    range_rate_sigma_m_s: float | None = Field(None, gt=0.0)
-    """Error of the range rate; without it none is measured."""
-    plate_lens: LensSettings | None = None
-    """Lens of a camera that reads plates, with which cars run LCCA (`mvs/lcca.py`)."""
-    position_sigma_m: float = Field(0.4, gt=0.0)
-    """Standard deviation of a fix, on each horizontal axis."""
-    speed_sigma_m_s: float = Field(0.1, ge=0.0)
-    """Of each component of the velocity; the error of the course follows from it."""
-    bus_speed_step_m_s: float = Field(KM_H, gt=0.0)
-    """Resolution of the speed on the car's bus; by default that of OBD, polled in each tick."""
-    reach_m: float = Field(300.0, gt=0.0)
-    """Range of the radio."""
-    loss: float = Field(0.0, ge=0.0, le=1.0)
-    """Probability that one receiver in range loses a message."""
-    csma: CsmaSettings | None = None
-    """The 802.11p channel; replaces `reach_m` and `loss`."""
-    sidelink: SidelinkSettings | None = None
-    """C-V2X, where `csma` is not given."""
-    blocker_radius_m: float = Field(0.9, ge=0.0)
-    """A car occludes what lies behind a disc of this radius."""
-
-    @model_validator(mode="after")
-    def _has_a_range_error(self) -> Self:
-        if not self.range_sigma_m + self.range_sigma_per_m > 0.0:
-            raise ValueError("range_sigma_m and range_sigma_per_m are both 0; one must be above")
-        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,9 +130,9 @@ class MvsWorld:
         self._mvs_settings = mvs
         self._tracking = tracking
         self._tracks_sensed = tracks_sensed
-        self._blocked = blocked
         self._seed = seed
         self._rng = np.random.default_rng(seed)
+        self._sensor = RangingSensor(settings, blocked, self._rng)
         self._numbers: dict[str, int] = {}
         self.cars: dict[str, WorldCar] = {}
         """Those with a radio that are present."""
@@ -211,7 +154,10 @@ class MvsWorld:
 
     def own_id(self, car: str) -> bytes:
         """Temporary ID of a car."""
-        return self._numbers.setdefault(car, len(self._numbers)).to_bytes(4)
+        return self._number(car).to_bytes(4)
+
+    def _number(self, car: str) -> int:
+        return self._numbers.setdefault(car, len(self._numbers))
 
     def tick(self) -> None:
         """Let every present car with a radio sense and send once."""
@@ -282,37 +228,15 @@ class MvsWorld:
             self._reference_hosts[name].receive_position(fix)
 
     def _step_car(self, name: str, cars: Cars) -> None:
-        car, settings = self.cars[name], self.settings
-        own = cars.names.index(name)
-        course_rad = math.pi / 2.0 - float(cars.heading_rad[own])
+        car, own = self.cars[name], cars.names.index(name)
         speed_m_s = float(cars.speed_m_s[own])
         for sample in car.bus.sample(speed_m_s, self.now):
             car.receive_observation(sample, self.now)
         self._receive_fix(name, self._fix(cars, own, speed_m_s))
-        for other in self._in_view(own, cars).tolist() if settings.senses else ():
-            apart_m = cars.middle_m[other] - cars.middle_m[own]
-            east_m, north_m = apart_m.tolist()
-            range_m = math.hypot(east_m, north_m)
-            range_sigma_m = settings.range_sigma_m + settings.range_sigma_per_m * range_m
-            bearing_rad = math.atan2(east_m, north_m) - course_rad
-            detection = VehicleDetection(
-                self.now,
-                int.from_bytes(self.own_id(cars.names[other])),
-                max(range_m + range_sigma_m * self._rng.normal(), 0.0),
-                range_sigma_m,
-                bearing_rad + settings.bearing_sigma_rad * self._rng.normal(),
-                settings.bearing_sigma_rad,
-            )
-            rate_sigma_m_s = settings.range_rate_sigma_m_s
-            if rate_sigma_m_s is not None:
-                closing = cars.velocity_m_s[other] - cars.velocity_m_s[own]
-                rate_m_s = float(closing @ apart_m) / range_m + rate_sigma_m_s * self._rng.normal()
-                detection = replace(
-                    detection, range_rate_m_s=rate_m_s, range_rate_sigma_m_s=rate_sigma_m_s
-                )
+        for other, detection in self._sensor.detections(own, cars, self._number, self.now):
             car.sharing.receive_observation(detection, self.now)
             if self._records_measurements:
-                self._record_measurement(name, cars.names[other], detection)
+                self._record_measurement(name, other, detection)
         self._broadcast(own, self._sent(name), cars)
 
     def _sent(self, name: str) -> _Sent:
@@ -348,35 +272,6 @@ class MvsWorld:
             TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(self.frame_of(car))))
         )
 
-    def _in_view(self, own: int, cars: Cars) -> NDArray[np.intp]:
-        here = cars.middle_m[own]
-        ranges = np.hypot(*(cars.middle_m - here).T)
-        near = np.flatnonzero((ranges < self.settings.sensing_range_m) & (ranges > 0.0))
-        towards = cars.middle_m[near] - here
-        lengths = ranges[near]
-        # Of every other near car (axis 1): distance along the line of sight, and beside it.
-        along = towards @ towards.T / lengths[:, None]
-        beside = (
-            np.abs(
-                towards[:, None, 0] * towards[None, :, 1]
-                - towards[:, None, 1] * towards[None, :, 0]
-            )
-            / lengths[:, None]
-        )
-        radius = self.settings.blocker_radius_m
-        occluded = (beside < radius) & (along > 0) & (along < lengths[:, None] - 2 * radius)
-        visible = ~occluded.any(axis=1)
-        if self._blocked is not None:
-            visible &= ~self._blocked(here, cars.middle_m[near])
-        visible &= self._rng.random(len(near)) < self.settings.detection
-        sight_rad = np.arctan2(towards[:, 1], towards[:, 0])
-        half_rad = math.radians(self.settings.view_deg) / 2.0
-        visible &= _between(sight_rad, cars.heading_rad[own]) <= half_rad
-        if self.settings.rear_only:
-            visible &= _between(sight_rad, cars.heading_rad[near]) <= REAR_VIEW_RAD
-        in_view: NDArray[np.intp] = near[visible]
-        return in_view
-
     def _broadcast(self, own: int, sent: _Sent, cars: Cars) -> None:
         if self._channel is not None:
             self._channel.send(sent.sender, sent, sent.octets, _BSM_PRIORITY, self.now)
@@ -403,12 +298,6 @@ class MvsWorld:
                 car.received.append(message)
             if sent.sdsm is not None:
                 car.sharing.mvs.receive_sdsm(sent.sdsm, self.now)
-
-
-def _between(angles_rad: Array, others_rad: Array) -> Array:
-    """Angles (n,) between directions, from 0 to pi."""
-    between_rad: Array = np.abs((angles_rad - others_rad + np.pi) % (2.0 * np.pi) - np.pi)
-    return between_rad
 
 
 def to_degrees(position_m: Array) -> tuple[float, float]:

@@ -13,7 +13,8 @@ from sim_rig.propagation.path_loss import LogDistance
 from sim_rig.scenario.radio_settings import CsmaSettings
 from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.roads import SixLaneRoad
-from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld, WorldSettings
+from sim_rig.studies.mvs.world import START_UTC_S, MvsWorld
+from sim_rig.studies.mvs.world_settings import WorldSettings
 from tests.typed import a
 
 SETTINGS = MvsSettings(sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0))
