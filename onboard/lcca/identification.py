@@ -391,7 +391,9 @@ class Identification(Core):
             offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
             if offset_m is not None:
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
-        return vehicle_probabilities(texts, answered, motion)
+        listed = {each.car_id for each in lead.candidates} | track.asked.keys()
+        unlisted = {sender for sender, car_id in track.answers.items() if car_id not in listed}
+        return vehicle_probabilities(texts, answered, motion, unlisted)
 
     def _decide(self, track: _Track, lead: TrackedLead, now: float) -> None:
         if track.identity is not None:

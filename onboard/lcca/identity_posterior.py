@@ -8,10 +8,13 @@ weights are, by Bayes' rule,
 
     a vehicle that answered for T     r m p(T) K(T)
     a vehicle that did not answer     (r / N) m  sum of p(T) L^n(T) K(T)
+    one that answered for none        (r / N) min(m, 1/i)  the same sum
     no vehicle on the air             (1 - r)    sum of p(T) K(T)
 
 with the sums over all texts that nobody answered for. So the likeliest text that stays silent
-while a less likely one answers keeps its weight, as that of a vehicle without a radio.
+while a less likely one answers keeps its weight, as that of a vehicle without a radio. An insider
+can move just as the lead does, with probability i, but proves no other ID than its own: where the
+camera reads a plate, that decides, not the motion.
 
 K(T) is the probability of the answers for other texts than T. A given plate is rare. But vehicles
 of one fleet have consecutive plates, and the lead may be of a fleet that is in range. With a
@@ -33,6 +36,12 @@ LOST = 0.3
 COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
+IMITATION = 1e-3
+"""i: probability that a vehicle imitates the motion of the lead, taken high: identified by
+motion alone, it could warn the host."""
+READ = 0.5
+"""Least probability of all texts that the camera lists at which it has read the plate; a plate that
+is not read leaves the decision to motion."""
 FLEET, FLEET_ANSWERS = 0.2, 0.5
 """f: probability that the lead is of a fleet with consecutive plates that is in range,
 taken high, so that few are mistaken where it is (`sim-rig study false-identity`); F: share of the
@@ -63,7 +72,10 @@ class AskedText(NamedTuple):
 
 
 def vehicle_probabilities(
-    texts: Collection[AskedText], answered: Mapping[bytes, str], motion: Mapping[bytes, float]
+    texts: Collection[AskedText],
+    answered: Mapping[bytes, str],
+    motion: Mapping[bytes, float],
+    unlisted: Collection[bytes] = (),
 ) -> dict[bytes, float]:
     """Return the probability of each vehicle; what their sum lacks to 1 is for none of them.
 
@@ -72,6 +84,8 @@ def vehicle_probabilities(
             other texts.
         answered: the text for which a vehicle answered, by the vehicle's name.
         motion: logarithm of the likelihood ratio of the motion of all vehicles on the air.
+        unlisted: names of vehicles that answered under the ID of a text that the camera does not
+            list. Whoever only moves like the lead is one.
     """
     on_air = max(len(motion.keys() | answered.keys()), 1)
     rare = min(COINCIDENCE * on_air, 1.0)
@@ -91,8 +105,10 @@ def vehicle_probabilities(
         weight = each.probability * _coincidence(beside, len(borne) - beside, rare)
         nobody += weight
         lost += weight * LOST**each.inquiries
+    is_read = sum(each.probability for each in texts) >= READ
+    most = math.log(1.0 / IMITATION) if is_read else math.inf
     weights |= {
-        name: ON_AIR / on_air * math.exp(ratio) * lost
+        name: ON_AIR / on_air * math.exp(min(ratio, most) if name in unlisted else ratio) * lost
         for name, ratio in motion.items()
         if name not in answered
     }

@@ -84,6 +84,15 @@ def test_motion_alone_needs_more_the_more_vehicles_are_on_the_air() -> None:
     assert vehicle_probabilities([], {}, {A: 8.0} | MANY)[A] < 0.999
 
 
+def test_whoever_moves_just_as_the_lead_is_not_it_if_its_plate_is_another() -> None:
+    """An insider copies speed and place of a lead without radio, and answers for itself."""
+    read = [asked("AB120", 0.9, 5)]
+
+    assert vehicle_probabilities(read, {}, {A: 20.0}, {A})[A] < 0.999
+    assert vehicle_probabilities(read, {}, {A: 20.0})[A] > 0.999
+    assert vehicle_probabilities([], {}, {A: 20.0}, {A})[A] > 0.999
+
+
 def test_the_weights_are_those_of_the_docstring() -> None:
     texts = [asked("AB120", 0.4), asked("AB160", 0.1), asked("AB140", 0.2, 1), asked("XY", 0.1)]
     powers = [each.probability**CALIBRATION for each in texts]

@@ -18,6 +18,7 @@ from pydantic import Field
 
 from onboard.lcca.events import CandidateCar, TrackedLead
 from onboard.lcca.identification import Identification
+from onboard.lcca.position_match import REFERENCE_M
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.settings import Settings
 from onboard.vision.plate_posterior import PlatePosterior
@@ -36,6 +37,8 @@ BSM_EVERY = 3
 """Images between two BSMs: 5 Hz at 15 images a second."""
 SPEED_STEP_M_S = 1 / 3.6
 """Resolution of OBD speeds."""
+PLACE_SIGMA_M = 1.0
+"""Of the place that an insider sends, and of the host's."""
 WRONG_S = 1.0
 """Time for which another vehicle may be taken for the lead."""
 
@@ -48,6 +51,9 @@ class Insider(StrEnum):
     """He answers for the plate ahead, and sends his own speed."""
     COPIED_SPEED = "copied_speed"
     """He also sends the speed of the lead, 0.3 s late."""
+    MIMICRY = "mimicry"
+    """He sends that speed, and the place of the lead, and answers under his own ID only: he
+    can prove no other."""
 
 
 class FalseIdentitySettings(Settings):
@@ -222,6 +228,8 @@ class _Drive:
                 if each.text in derived
             )
             closing_m_s = self._host_m_s - ahead_m_s + error_m_s
+            if self._insider is Insider.MIMICRY:
+                self._core.receive_offsets({_INSIDER: (gap_m + REFERENCE_M, 0.0, PLACE_SIGMA_M)})
             lead = TrackedLead(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
             self._core.receive_lead(lead, now)
             self._deliver(ahead, now)
@@ -260,8 +268,11 @@ class _Drive:
                 if self._rng.random() >= self._settings.loss:
                     speed_m_s = float(self._traffic.shown_m_s[car])
                     self._answer(message, self._ids[car], _sender(car), speed_m_s, now)
-            if self._insider is not Insider.NONE and self._ids[ahead][:NAME_BYTES] in message.names:
-                self._answer(message, self._ids[ahead], _INSIDER, self._insider_m_s(), now)
+            claimed, names = self._ids[ahead], {self._ids[ahead][:NAME_BYTES]}
+            if self._insider is Insider.MIMICRY:
+                claimed, names = car_id_of("EVIL1"), {_INSIDER}
+            if self._insider is not Insider.NONE and not names.isdisjoint(message.names):
+                self._answer(message, claimed, _INSIDER, self._insider_m_s(), now)
         while self._core.next_event() is not None:
             pass
 
@@ -272,7 +283,7 @@ class _Drive:
         self._core.receive_message(answer, None, now + 0.005)
 
     def _insider_m_s(self) -> float:
-        if self._insider is Insider.COPIED_SPEED:
+        if self._insider in (Insider.COPIED_SPEED, Insider.MIMICRY):
             return self._earlier_m_s
         return float(self._traffic.shown_m_s[0])
 
