@@ -1,6 +1,8 @@
 """Run atheris on each target for a bounded time, then time the inputs: `python -m fuzz`."""
 
 import argparse
+import json
+import re
 import subprocess
 import sys
 import time
@@ -12,6 +14,8 @@ import atheris  # type: ignore[import-untyped]
 CORPUS = Path(__file__).parent / "corpus"
 FOUND = Path("out/fuzz")
 """Folder of new inputs and crashes; useful ones are moved to the corpus by hand."""
+COUNTS = FOUND / "executed.json"
+"""Inputs of each target in all runs, until the folder is removed."""
 
 MAX_INPUT_BYTES = 4096
 KILOBYTE = 1000
@@ -34,10 +38,25 @@ def main() -> None:
         for phase in ("fuzz", "time"):
             command = [sys.executable, "-m", "fuzz", name, "--phase", phase]
             command += ["--seconds", str(arguments.seconds)]
-            if subprocess.run(command, check=False).returncode:  # noqa: S603 (ourselves)
+            done = subprocess.run(  # noqa: S603 (ourselves)
+                command, check=False, stderr=subprocess.PIPE, text=True, errors="replace"
+            )
+            sys.stderr.write(done.stderr)
+            if phase == "fuzz":
+                count(name, done.stderr)
+            if done.returncode:
                 failed.append(f"{name} ({phase})")
+    sys.stdout.write(COUNTS.read_text(encoding="utf-8"))
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
+
+
+def count(name: str, statistics: str) -> None:
+    """Add the inputs that libFuzzer states to those of all runs before."""
+    counts = json.loads(COUNTS.read_text(encoding="utf-8")) if COUNTS.exists() else {}
+    executed = re.search(r"number_of_executed_units: (\d+)", statistics)
+    counts[name] = counts.get(name, 0) + (int(executed[1]) if executed else 0)
+    COUNTS.write_text(json.dumps(counts, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def fuzz(name: str, seconds: int) -> None:
