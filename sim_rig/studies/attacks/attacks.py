@@ -71,6 +71,7 @@ class AttackKind(StrEnum):
     BRAKE_BOTH = "brake requests by BSMs from there, with a detector too"
     BRAKE_DETECTOR = "brake requests by BSMs from the place of what a detector sees"
     BRAKE_FOOTER = "brake requests by footers about what a detector sees"
+    CERTIFICATES = "certificates that are made up, by outsiders"
 
 
 Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]

@@ -23,6 +23,7 @@ from sim_rig.studies.attacks.attacks import (
     run_host,
 )
 from sim_rig.studies.attacks.brake_claims import run_brake_claims
+from sim_rig.studies.attacks.certificate_flood import run_certificate_flood
 from sim_rig.studies.attacks.group_attacks import run_group
 from sim_rig.studies.attacks.impostures import run_imposture
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
@@ -128,6 +129,8 @@ def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
     elif case.attack in BRAKE_CLAIMS:
         claimed = BRAKE_CLAIMS[case.attack]
         counts = run_brake_claims(claimed, seed, START_UTC_S, seconds, insiders, checks=checked)
+    elif case.attack is AttackKind.CERTIFICATES:
+        counts = run_certificate_flood(seed, START_UTC_S, seconds, insiders)
     else:
         counts = run_host(case.attack, seed, seconds, insiders, checks=checked)
     return AttackRow(case.attack, insiders, checked, seconds, **asdict(counts))

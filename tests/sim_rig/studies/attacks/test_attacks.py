@@ -8,6 +8,11 @@ import pytest
 from sim_rig.studies.attacks.attacks import BRAKE_CLAIMS, START_UTC_S, AttackKind
 from sim_rig.studies.attacks.attacks_study import STUDY, AttacksSettings
 from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
+from sim_rig.studies.attacks.certificate_flood import (
+    LEARNS_S,
+    MEETS_S,
+    run_certificate_flood,
+)
 from sim_rig.studies.campaigns.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
@@ -98,3 +103,9 @@ def test_who_asks_under_changing_ids_gets_two_answers_a_second_of_each_vehicle(
     assert STUDY.write(tmp_path, asking, Workers()).endswith("0 of 4 true alarms missed")
     (row,) = csv.DictReader((tmp_path / "table.csv").read_text().splitlines())
     assert 5.0 < float(row["answers_per_s"]) < 6.3  # three vehicles
+
+
+def test_made_up_certificates_keep_no_vehicle_unknown() -> None:
+    counts = run_certificate_flood((1,), START_UTC_S, MEETS_S + LEARNS_S, outsiders=2)
+
+    assert (counts.true_alarms, counts.true_missed) == (2, 0)

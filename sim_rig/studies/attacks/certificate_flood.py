@@ -1,0 +1,132 @@
+"""Outsiders without keys who flood vehicles with certificates that they make up.
+
+Two vehicles whose authorities differ meet again and again, each time without knowing the other's.
+Each can open `SERVED_HZ` frames of unknown signers a second, the share of time of the program on a
+slow processor. Under its link, everything but the time of processing is the program's.
+"""
+
+from collections.abc import Iterator
+from itertools import chain, islice
+
+import numpy as np
+
+from onboard.security.credentials import Credentials
+from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed
+from onboard.security.its_time import to_time64
+from onboard.security.p256 import key_from
+from onboard.security.security_services import SecurityServices
+from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
+from onboard.vehicle.wave_link import WaveLink, bsm_sender, certificate_in
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.receive_queue import ReceiveQueue
+from onboard.wave_udp.wsmp import WaveShortMessage
+from sim_rig.studies.attacks.attack_counts import AttackCounts
+
+FLOOD_HZ = 3000
+"""Frames of all outsiders together, all that a channel of 6 Mbit/s carries."""
+SERVED_HZ = 1500
+TICK_S = 0.01
+MEETS_S, LEARNS_S = 3.0, 2.0
+"""Flooded for so long, the vehicles come into range; then each is to know the other in time."""
+
+
+def run_certificate_flood(
+    seed: tuple[int, ...], utc_s: float, seconds: float, outsiders: int
+) -> AttackCounts:
+    """Let two vehicles meet every `MEETS_S + LEARNS_S`.
+
+    Args:
+        seed: of the keys.
+        utc_s: at the start, seconds since 1970.
+        seconds: duration of the flood.
+        outsiders: their number; together they fill the channel.
+
+    Returns:
+        Vehicles that are not known in time, as true alarms that are missed.
+    """
+    new_key = key_from(np.random.default_rng(seed))
+    since_utc_s, valid_s = utc_s - 3600.0, 86_400.0
+    root = make_root(
+        "root", {psid.BSM}, valid_from_utc_s=since_utc_s, valid_for_s=valid_s, new_key=new_key
+    )
+    keys = []
+    for name in ("one", "other"):
+        issuing = make_issuing(
+            root, name, valid_from_utc_s=since_utc_s, valid_for_s=valid_s, new_key=new_key
+        )
+        keys.append(
+            make_pseudonyms(
+                issuing,
+                1,
+                {psid.BSM},
+                valid_from_utc_s=since_utc_s,
+                valid_for_s=valid_s,
+                new_key=new_key,
+            )
+        )
+    meetings = int(seconds // (MEETS_S + LEARNS_S))
+    known = sum(_known(keys, utc_s, outsiders) for _ in range(meetings))
+    return AttackCounts(
+        false_alarms=0,
+        false_alarm_s=0.0,
+        ignored=0,
+        true_alarms=2 * meetings,
+        true_missed=2 * meetings - known,
+    )
+
+
+class _Vehicle:
+    """Radio link and queue of a vehicle that sends ten BSMs a second."""
+
+    def __init__(self, keys: Credentials, utc_s: float, phase_s: float) -> None:
+        self.link = WaveLink(SecurityServices(utc_s, keys), psid.J2735)
+        self.queue = ReceiveQueue(psid.LCCA, bsm_sender, self.link.known_signer, certificate_in)
+        self.knows_other = False
+        self._next_bsm_at = MEETS_S + phase_s
+
+    def wsms_to_send(self, now: float) -> Iterator[bytes]:
+        if now >= self._next_bsm_at:
+            self._next_bsm_at += 0.1
+            self.link.submit(b"bsm", psid.BSM, 5, 0.1, now)
+        return (wsm for _, wsm in self.link.wsms_to_send(now))
+
+    def receive_queue(self, now: float) -> None:
+        unknown = islice(iter(self.queue.take_unknown, None), round(TICK_S * SERVED_HZ))
+        for wsm in chain(iter(self.queue.take, None), list(unknown)):
+            if self.link.receive_wsm(wsm, now) is not None:
+                self.knows_other = True
+
+
+def _known(keys: list[Credentials], utc_s: float, outsiders: int) -> int:
+    """Return how many of two vehicles know the other in time."""
+    vehicles = [_Vehicle(each, utc_s, 0.05 * number) for number, each in enumerate(keys)]
+    flooded = 0
+    for tick in range(round((MEETS_S + LEARNS_S) / TICK_S)):
+        now = tick * TICK_S
+        while flooded < now * FLOOD_HZ:
+            garbage = _forged(keys[0], flooded % outsiders, flooded, utc_s + now)
+            for vehicle in vehicles:
+                vehicle.queue.put(garbage)
+            flooded += 1
+        for vehicle, other in (vehicles, vehicles[::-1]):
+            for wsm in vehicle.wsms_to_send(now):
+                other.queue.put(wsm)
+        for vehicle in vehicles:
+            vehicle.receive_queue(now)
+    return sum(vehicle.knows_other for vehicle in vehicles)
+
+
+def _forged(keys: Credentials, outsider: int, number: int, utc_s: float) -> bytes:
+    """A BSM under a certificate of an issuer that nobody knows, signed with nothing.
+
+    The first outsider makes up an issuer for each, the second the same 500 again and again, as
+    vehicles send, and so on.
+    """
+    real = keys.pseudonyms[0].certificate
+    assert real.issuer_id is not None  # noqa: S101 (no pseudonym is a root)
+    made_up = number % 500 if outsider % 2 else number
+    issuer = bytes((outsider,)) + made_up.to_bytes(7)
+    signer = b"\x81\x01\x01" + real.encoded.replace(real.issuer_id, issuer)
+    head = encode_to_be_signed(b"bsm", psid.BSM, to_time64(utc_s))
+    signed = encode_signed(head, b"signer..", (1, 1)).replace(b"\x80signer..", signer)
+    return wsmp.encode(WaveShortMessage(psid.BSM, signed))
