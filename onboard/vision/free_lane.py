@@ -21,8 +21,9 @@ HALF_WIDTH, COLUMNS = 0.28, 15
 """Half the width of a row in lane widths, inside the markings, and its samples."""
 MIN_ROWS = 5
 """Rows in the image that are needed to know the road."""
-LEAST_LEVEL = 16.0
-"""Grey level below which nothing is seen."""
+LEAST_LEVEL = 32.0
+"""Grey level below which nothing is seen: `STEP` hides what differs less. On a dense motorway with
+0.2 and 0.3 of the light, the lane was free in 45 and 26 of 258 frames with 16, in none with 32."""
 STEP, STEP_SHARE = 8.0, 0.12
 """Change from the road before, in grey levels and as a share of its level, that is no road."""
 FOLLOWED = 0.25

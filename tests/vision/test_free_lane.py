@@ -45,7 +45,7 @@ def test_vehicles_in_the_next_lanes_do_not_end_it() -> None:
     assert free_until_m(*cars) == pytest.approx(63.0)
 
 
-@pytest.mark.parametrize("level", [0, 10])
+@pytest.mark.parametrize("level", [0, 10, 28])
 def test_in_the_dark_nothing_is_seen_to_be_free(level: int) -> None:
     image = np.full((540, 960, 3), level, np.uint8)
 
