@@ -217,6 +217,7 @@ def test_a_release_that_cannot_read_the_configuration_is_not_taken(tmp_path: Pat
     assert boot(root) == f"{OLD} drives"
 
 
+@pytest.mark.long
 def test_an_update_is_signed_by_a_root_that_the_car_trusts(tmp_path: Path) -> None:
     for name in ("trial", "other"):
         made = make_root(name, psid.OF_VEHICLES, valid_from_utc_s=1_700_000_000.0, valid_for_s=1e8)
