@@ -18,7 +18,10 @@ def fig4() -> Scenario:
 
 
 def written(folder: Path, kind: str, car: str, port: int, plate: str | None = None) -> str:
-    """Write the file of a box, with its radio unit at `port`, and return the option for it."""
+    """Write the file of a box, with its radio unit at `port`, and return the option for it.
+
+    Ports are below those that the kernel gives to whoever asks for any.
+    """
     box = {
         "plate": plate or PLATES[car],
         "bus": {"port": port + 1},
@@ -35,9 +38,9 @@ def written(folder: Path, kind: str, car: str, port: int, plate: str | None = No
 
 def test_each_further_file_of_a_car_is_for_one_more_rung(fig4: Scenario, tmp_path: Path) -> None:
     given = [
-        written(tmp_path, "namespaces", "red", 47110),
-        written(tmp_path, "systemd", "red", 47120),
-        written(tmp_path, "namespaces", "blue", 47130),
+        written(tmp_path, "namespaces", "red", 27110),
+        written(tmp_path, "systemd", "red", 27120),
+        written(tmp_path, "namespaces", "blue", 27130),
     ]
 
     rungs = rungs_of_boxes(given, fig4)
@@ -45,7 +48,7 @@ def test_each_further_file_of_a_car_is_for_one_more_rung(fig4: Scenario, tmp_pat
     ports = {
         rung: {car: box.radio.port for car, box in boxes.items()} for rung, boxes in rungs.items()
     }
-    assert ports == {"box": {"red": 47110, "blue": 47130}, "box-2": {"red": 47120}}
+    assert ports == {"box": {"red": 27110, "blue": 27130}, "box-2": {"red": 27120}}
 
 
 def test_without_boxes_there_is_no_such_rung(fig4: Scenario) -> None:
@@ -56,8 +59,8 @@ def test_a_mistake_of_a_later_rung_ends_the_ladder_at_its_foot(
     fig4: Scenario, tmp_path: Path
 ) -> None:
     given = [
-        written(tmp_path, "namespaces", "red", 47110),
-        written(tmp_path, "systemd", "red", 47120, plate="YW903MS"),
+        written(tmp_path, "namespaces", "red", 27110),
+        written(tmp_path, "systemd", "red", 27120, plate="YW903MS"),
     ]
 
     with pytest.raises(SettingsError, match="red: plate: red has RD288HX"):
