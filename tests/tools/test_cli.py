@@ -100,9 +100,7 @@ def test_a_mistake_in_the_dbc_file_is_one_line(
         "can: {interface: socketcan, channel: nosuchcan9}",
         "camera: {source: /nonexistent/clip.mp4}",
         "radio: {endpoint: raw, interface: nosuchwlan9}",
-        "trace: {file: /nonexistent/trace.jsonl}",
         "security: {keys_folder: /nonexistent}",
-        "access: {driver_file: /nonexistent/driver.json}",
     ],
 )
 def test_an_edge_that_cannot_be_opened_is_one_line(tmp_path: Path, section: str) -> None:
