@@ -86,12 +86,13 @@ class Braking:
                 assert self.is_warned(car), (name, self.road.now, state.due_since)
 
     def is_warned(self, car: Car) -> bool:
-        events = [
-            event
-            for event in car.said
-            if isinstance(event, WarningRaised | WarningOver) and self.is_of_origin(event)
-        ]
-        return bool(events) and isinstance(events[-1], WarningRaised)
+        """Whether a braking of the origin is raised and not over, under whichever of its names."""
+        raised: set[tuple[bytes, int]] = set()
+        for event in car.said:
+            if isinstance(event, WarningRaised | WarningOver) and self.is_of_origin(event):
+                name = (event.origin_id, event.sequence)
+                (raised.add if isinstance(event, WarningRaised) else raised.discard)(name)
+        return bool(raised)
 
     def is_of_origin(self, event: WarningRaised | WarningOver) -> bool:
         return event.origin_id in self.origin.all_ids
