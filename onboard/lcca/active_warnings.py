@@ -119,6 +119,8 @@ class ActiveWarnings:
             else:
                 level_m_s2 = active.level_m_s2
         until = now - warn.age_s + self._lifetime_s
+        if active is not None:
+            until = max(until, active.until)  # the age of a copy is what its forwarder says
         self._brakings[car_id] = _Braking(warn, name, level_m_s2, until)
         if len(self._brakings) > MAX_BRAKINGS:
             yield self._end(next(iter(self._brakings)), "expired", now)

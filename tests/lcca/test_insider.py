@@ -44,6 +44,10 @@ def levels(newest: int) -> Iterator[GroupMessage]:
         yield braking(sequence, first_sequence=newest + 1)
 
 
+def aged_copies(newest: int) -> Iterator[GroupMessage]:
+    yield braking(newest, age_s=2.98)
+
+
 class Attack:
     """An insider beside a row of six, two of which are in each other's radio range."""
 
@@ -132,6 +136,17 @@ def test_a_forged_braking_that_falls_silent_leaves_the_true_one_on() -> None:
     attack.run(1.0, attacks=True)
     attack.run(9.0, attacks=False)
     assert not any(map(ended, members(attack)))
+
+
+def test_copies_that_pretend_to_be_old_end_no_braking_early() -> None:
+    attack = Attack(aged_copies)
+    began_at = attack.road.now
+    attack.road.brake("A")
+    attack.road.run(0.1)
+    attack.run(0.75, attacks=True)
+    assert attack.raised(A, began_at) == "BCDEF"
+    overs = [e for car in members(attack) for e in car.said if e.kind == "warning_over"]
+    assert not any(event.stamp_s >= began_at for event in overs)
 
 
 def test_forged_brakings_end_by_themselves() -> None:
