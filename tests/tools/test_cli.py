@@ -12,7 +12,11 @@ from onboard.recorder.build import present_build
 
 def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "onboard", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "onboard", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
     )
 
 
