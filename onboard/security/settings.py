@@ -15,8 +15,8 @@ class PlateDigestSettings(Settings):
     """Secret of all cars of a trial. The default is public: it hides plates from casual listeners
     only."""
     epoch_s: float = Field(default=300.0, ge=10.0, le=86_400.0)
-    """Time for which an ID is valid, in seconds. Epochs begin at multiples of it since 1970 (UTC),
-    so that all cars change at once."""
+    """Period of pseudonyms: time for which an ID is valid, in seconds. Epochs begin at multiples
+    of it since 1970 (UTC), so that all cars change at once."""
     scrypt_log2_n: int = Field(default=14, ge=1, le=20)
     """Cost of one derivation (N of scrypt, as a power of two): 14 takes 16 MiB and about 35 ms."""
 

@@ -1,7 +1,7 @@
 """Reports when a sensor has timed out, and when it has recovered.
 
 A silent sensor is shown as lost, and its last value is not used. Each sensor's timeout is the
-longest silence that is normal for it.
+longest silence that is normal for it. How old a value may be that is used is in `host_state`.
 """
 
 import math
