@@ -11,7 +11,7 @@ once its certificates are in `roots` and `authorities`.
 """
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -114,12 +114,14 @@ def read_own_credentials(
     token = None if security.token is None else Pkcs11Token(security.token)
     credentials = read_credentials(security.keys_folder, psids, token)
     if credentials.commit_to_ids:
-        check_ids(security.keys_folder, plate, PlateDigest(security.plate_digest))
+        digest = PlateDigest(security.plate_digest)
+        own = [(each.certificate, each.committed) for each in credentials.pseudonyms]
+        _check_ids_of(own, security.keys_folder, plate, digest)
     return credentials
 
 
 def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
-    """Check that a car's certificates commit to its IDs, by one of the first one's epochs.
+    """Check that a car's certificates commit to its IDs; their keys may be elsewhere.
 
     Args:
         folder: the folder of the car.
@@ -131,14 +133,23 @@ def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
     """
     files = sorted((folder / "pseudonyms").glob("*.cert"))
     certificates = [_read_certificate(file) for file in files]
-    committed = frozenset[bytes]().union(
-        *(
-            _read_committed(file.with_suffix(".ids"), certificate)
-            for file, certificate in zip(files, certificates, strict=True)
-        )
-    )
-    begins_utc_s = certificates[0].subject.valid_from_utc_s if certificates else 0.0
-    if leaf(digest.car_id(plate, begins_utc_s)) not in committed:
+    committed = [
+        _read_committed(file.with_suffix(".ids"), certificate)
+        for file, certificate in zip(files, certificates, strict=True)
+    ]
+    _check_ids_of(list(zip(certificates, committed, strict=True)), folder, plate, digest)
+
+
+def _check_ids_of(
+    own: Sequence[tuple[Certificate, tuple[bytes, ...]]],
+    folder: Path,
+    plate: str,
+    digest: PlateDigest,
+) -> None:
+    """Check certificates with what they commit to by one of the first one's epochs."""
+    begins_utc_s = own[0][0].subject.valid_from_utc_s if own else 0.0
+    its_leaf = leaf(digest.car_id(plate, begins_utc_s))
+    if not any(its_leaf in committed for _, committed in own):
         raise KeyFilesError(
             f"{folder / 'pseudonyms' / '000.cert'}: commits to the IDs of another vehicle than"
             f" {plate} (`car.plate`), or of another `security.plate_digest` (`community_key`,"
