@@ -19,11 +19,11 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard.brake_request.certainty import AlarmKey, Danger, dangers
+from onboard.brake_request.certainty import Danger, dangers
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.core import Core
 from onboard.observations import Speed
-from onboard.risk.alarm import Assessment, Cause, Level
+from onboard.risk.alarm import AlarmKey, Assessment, Cause, Level
 from onboard.risk.alarm_table import row_of
 from onboard.sensors.host_state import BRAKING_SPEED_VALID_S, HostState
 

@@ -9,12 +9,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from onboard.brake_request.settings import BrakeRequestSettings
-from onboard.risk.alarm import Assessment, Cause, Level
+from onboard.risk.alarm import AlarmKey, Assessment, Cause, Level
 from onboard.risk.alarm_table import row_of
 from onboard.tracking.perceived_object import ObjectSource
-
-AlarmKey = tuple[Cause, str]
-"""Cause, and name of the vehicle; empty for a cause with one alarm at a time."""
 
 _RADIO = frozenset({
     "bsm", "warning", ObjectSource.BSM.value, ObjectSource.SHARED.value,

@@ -37,7 +37,7 @@ from onboard.observations import (
     VehicleDetection,
 )
 from onboard.recorder.records import RecorderState
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, AlarmKey, Level
 from onboard.risk.alarm_table import Sign, row_of
 from onboard.risk.lcca_warning import LCCA
 from onboard.trace.file_failure import FileFailure, FileUse
@@ -51,9 +51,7 @@ _URGENT = frozenset({
     "sensor_recovered", "transition",
 })  # fmt: skip
 """Kinds of events that are shown at once."""
-_AlarmKey = tuple[Cause, str]
-"""Cause, and name of the vehicle."""
-_LCCA: _AlarmKey = LCCA, ""
+_LCCA: AlarmKey = LCCA, ""
 _SAME_VEHICLE_M = 5.0
 """Largest distance along the lane at which a vehicle on the map is the lead vehicle."""
 _HALF_LANE_M = 1.9
@@ -97,8 +95,8 @@ class Display:
         self._objects: Sequence[PerceivedObject] = ()
         self._inquired: Inquired | None = None
         self._warning: WarningRaised | None = None
-        self._alarms: dict[_AlarmKey, AlarmView] = {}
-        self._in_alarm: dict[_AlarmKey, frozenset[str]] = {}
+        self._alarms: dict[AlarmKey, AlarmView] = {}
+        self._in_alarm: dict[AlarmKey, frozenset[str]] = {}
         """Names of the objects that each alarm is about."""
         self._brake_request: BrakeRequest | None = None
         self._recorder_failure: str | None = None

@@ -21,7 +21,7 @@ from onboard.observations import Discarded, Lead, Sensor, SensorLost, SensorReco
 from onboard.recorder.build import Build
 from onboard.recorder.records import RecorderState
 from onboard.risk import alarm_table
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, AlarmKey, Level
 from onboard.trace.file_failure import FileFailure
 from onboard.trace.trace_line import Event
 
@@ -97,7 +97,7 @@ class Metrics:
             self._sensor_up.labels(sensor.value).set(1)
         for row in alarm_table.ALARMS:
             self._alarm_level.labels(row.cause).set(0)
-        self._present_alarms: dict[tuple[Cause, str], Level] = {}
+        self._present_alarms: dict[AlarmKey, Level] = {}
         """By cause and vehicle."""
         for value in (self._gap, self._speed, self._recording):
             value.set(float("nan"))

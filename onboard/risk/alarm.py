@@ -13,6 +13,9 @@ RELEASE_S = 1.0
 Cause = NewType("Cause", str)
 """Name of an application, which all its alarms have as their cause (`alarm_table.py`)."""
 
+AlarmKey = tuple[Cause, str]
+"""Cause, and name of the vehicle; empty for a cause with one alarm at a time."""
+
 
 class Level(StrEnum):
     """Urgency of an alarm."""

@@ -16,7 +16,7 @@ from onboard.kinematics.heading import Heading
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.observations import Discarded, Position
 from onboard.risk import alarm_table
-from onboard.risk.alarm import Alarm, Assessment, Cause, Level
+from onboard.risk.alarm import Alarm, AlarmKey, Assessment, Cause, Level
 from onboard.risk.application import Application, Assessed
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.expected_stop import RedLight, no_red_light
@@ -77,7 +77,7 @@ class RiskMonitor(Core):
         self._events: deque[Alarm | Discarded] = deque(maxlen=1024)
 
     @property
-    def assessments(self) -> dict[tuple[Cause, str], Assessment]:
+    def assessments(self) -> dict[AlarmKey, Assessment]:
         """The last of each alarm, by its cause and vehicle, before hysteresis."""
         return {
             (cause, each.vehicle): each

@@ -18,10 +18,10 @@ from onboard.brake_request.brake_requester import (
     RequestEvent,
     RequestState,
 )
-from onboard.brake_request.certainty import AlarmKey, dangers
+from onboard.brake_request.certainty import dangers
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.observations import Speed
-from onboard.risk.alarm import NOTHING, RELEASE_S, AlarmReason, Assessment, Level
+from onboard.risk.alarm import NOTHING, RELEASE_S, AlarmKey, AlarmReason, Assessment, Level
 from onboard.risk.eebl import EEBL
 from onboard.risk.fcw import FCW
 from onboard.risk.ima import IMA
