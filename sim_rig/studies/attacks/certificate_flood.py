@@ -5,11 +5,13 @@ Each can open `SERVED_HZ` frames of unknown signers a second, the share of time 
 slow processor. Under its link, everything but the time of processing is the program's.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import chain, islice
 
 import numpy as np
 
+from onboard.security.certificates import Certificate
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed
 from onboard.security.its_time import to_time64
@@ -65,7 +67,8 @@ def run_certificate_flood(
             )
         )
     meetings = int(seconds // (MEETS_S + LEARNS_S))
-    known = sum(_known(keys, utc_s, outsiders) for _ in range(meetings))
+    issuer = partial(_issuer, outsiders)
+    known = sum(count_known(keys, utc_s, issuer) for _ in range(meetings))
     return AttackCounts(
         false_alarms=0,
         false_alarm_s=0.0,
@@ -97,14 +100,26 @@ class _Vehicle:
                 self.knows_other = True
 
 
-def _known(keys: list[Credentials], utc_s: float, outsiders: int) -> int:
-    """Return how many of two vehicles know the other in time."""
+def count_known(
+    keys: Sequence[Credentials],
+    utc_s: float,
+    issuer: Callable[[int], bytes],
+    rate_hz: float = FLOOD_HZ,
+) -> int:
+    """Return how many of two vehicles know the other in time.
+
+    Args:
+        keys: of the two, whose authorities differ.
+        utc_s: at the start, seconds since 1970.
+        issuer: gives each frame of the flood, by its number, the HashedId8 of its issuer.
+        rate_hz: frames of the flood in a second.
+    """
     vehicles = [_Vehicle(each, utc_s, 0.05 * number) for number, each in enumerate(keys)]
-    flooded = 0
+    real, flooded = keys[0].pseudonyms[0].certificate, 0
     for tick in range(round((MEETS_S + LEARNS_S) / TICK_S)):
         now = tick * TICK_S
-        while flooded < now * FLOOD_HZ:
-            garbage = _forged(keys[0], flooded % outsiders, flooded, utc_s + now)
+        while flooded < now * rate_hz:
+            garbage = _forged(real, issuer(flooded), utc_s + now)
             for vehicle in vehicles:
                 vehicle.queue.put(garbage)
             flooded += 1
@@ -116,16 +131,20 @@ def _known(keys: list[Credentials], utc_s: float, outsiders: int) -> int:
     return sum(vehicle.knows_other for vehicle in vehicles)
 
 
-def _forged(keys: Credentials, outsider: int, number: int, utc_s: float) -> bytes:
-    """A BSM under a certificate of an issuer that nobody knows, signed with nothing.
+def _issuer(outsiders: int, number: int) -> bytes:
+    """Who has issued the certificate of a frame, as one of the outsiders says.
 
     The first outsider makes up an issuer for each, the second the same 500 again and again, as
     vehicles send, and so on.
     """
-    real = keys.pseudonyms[0].certificate
-    assert real.issuer_id is not None  # noqa: S101 (no pseudonym is a root)
+    outsider = number % outsiders
     made_up = number % 500 if outsider % 2 else number
-    issuer = bytes((outsider,)) + made_up.to_bytes(7)
+    return bytes((outsider,)) + made_up.to_bytes(7)
+
+
+def _forged(real: Certificate, issuer: bytes, utc_s: float) -> bytes:
+    """A BSM under a certificate of an issuer that nobody knows, signed with nothing."""
+    assert real.issuer_id is not None  # noqa: S101 (no pseudonym is a root)
     signer = b"\x81\x01\x01" + real.encoded.replace(real.issuer_id, issuer)
     head = encode_to_be_signed(b"bsm", psid.BSM, to_time64(utc_s))
     signed = encode_signed(head, b"signer..", (1, 1)).replace(b"\x80signer..", signer)

@@ -19,7 +19,7 @@ from onboard.security.settings import PlateDigestSettings
 from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_counts import AttackCounts
-from sim_rig.studies.attacks.attack_world import STEP_S, Signer
+from sim_rig.studies.attacks.attack_world import STEP_S, Sender, Signer
 from sim_rig.studies.attacks.attacked_group import (
     BRAKING_S,
     DIGEST,
@@ -80,13 +80,31 @@ def run_group(
     group = AttackedGroup(keys, utc_s, rngs, checks=checks)
     group.drive(JOINED_S)
     signers = [GroupInsider(name, digest, keys[name], utc_s) for name in names]
-    senders = [partial(_forged, group, signer, forgery) for signer in signers]
+    return brake_under_attack(
+        group, [partial(_forged, group, signer, forgery) for signer in signers], seconds, rng
+    )
+
+
+def brake_under_attack(
+    group: AttackedGroup, senders: Sequence[Sender], seconds: float, rng: np.random.Generator
+) -> AttackCounts:
+    """Let the leader of a group that has formed brake every `BRAKES_EVERY_S`.
+
+    Args:
+        group: the vehicles.
+        senders: the insiders.
+        seconds: duration of the attack, of which `QUIET_S` are without a braking.
+        rng: draws the times of the brakings.
+
+    Returns:
+        What the followers were warned of, and whom they ignore.
+    """
     group.drive(QUIET_S, senders)
     brakings_at = []
     for _ in range(int((seconds - QUIET_S) // BRAKES_EVERY_S)):
         brakings_at.append(group.now + round(rng.uniform(0.0, BRAKES_EVERY_S / 2.0), 1))
         group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
-    found = [count_warned(group, plate, brakings_at) for plate in FOLLOWERS]
+    found = [_count_warned(group, plate, brakings_at) for plate in FOLLOWERS]
     false_alarms, false_alarm_s, missed = zip(*found, strict=True)
     return AttackCounts(
         false_alarms=max(false_alarms),
@@ -97,7 +115,7 @@ def run_group(
     )
 
 
-def count_warned(
+def _count_warned(
     group: AttackedGroup, plate: str, brakings_at: Sequence[float]
 ) -> tuple[int, float, int]:
     """Return false warnings of a follower, for how long, and the brakings it was not warned of."""

@@ -34,19 +34,16 @@ from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S
 from sim_rig.studies.attacks.attacked_group import (
     DIGEST,
-    FOLLOWERS,
     LEADER,
     PLATES,
     AttackedGroup,
 )
 from sim_rig.studies.attacks.group_attacks import (
-    BRAKES_EVERY_S,
     BRAKING_MESSAGES,
     JOINED_S,
     PERIOD_MESSAGES,
-    QUIET_S,
     GroupInsider,
-    count_warned,
+    brake_under_attack,
 )
 
 CHANGE_S = 20.0
@@ -201,22 +198,12 @@ def run_imposture(
     senders = [each.sends for each in attackers]
     answered = _AnswersCounted(attackers)
     group.listeners.append(answered.receive)
-    group.drive(QUIET_S, senders)
-    brakings_at = []
-    for _ in range(int((seconds - QUIET_S) // BRAKES_EVERY_S)):
-        brakings_at.append(group.now + round(rng.uniform(0.0, BRAKES_EVERY_S / 2.0), 1))
-        group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
-    found = [count_warned(group, plate, brakings_at) for plate in FOLLOWERS]
-    false_alarms, false_alarm_s, missed = zip(*found, strict=True)
+    counts = brake_under_attack(group, senders, seconds, rng)
     honest = {
         own.certificate.hashed_id8 for name in (*PLATES, ELSEWHERE) for own in keys[name].pseudonyms
     }
-    return AttackCounts(
-        false_alarms=max(false_alarms),
-        false_alarm_s=max(false_alarm_s),
-        ignored=len(group.ignored()),
-        true_alarms=len(brakings_at) * len(FOLLOWERS),
-        true_missed=sum(missed),
+    return replace(
+        counts,
         honest_ignored=len(group.ignored() & honest),
         answers_per_s=round(answered.count / (group.now - JOINED_S), 2),
     )
