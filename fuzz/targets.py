@@ -24,12 +24,14 @@ from onboard.observations import Position
 from onboard.security import p256
 from onboard.security.oer import Malformed, Unsupported
 from onboard.security.peer_to_peer import decode_ca_certs
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.security_services import NotTrusted, Opened, SecurityServices
+from onboard.security.settings import PlateDigestSettings
 from onboard.settings import SettingsError, parse_settings, parse_yaml
 from onboard.tools.decode.describe import describe
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.lcca_link import LccaLink
+from onboard.vehicle.lcca_link import LccaLink, RefusalError
 from onboard.vehicle.wave_link import bsm_sender
 from onboard.vision import jpeg
 from onboard.vision.mjpeg import MjpegParts
@@ -94,10 +96,10 @@ _COPY = lcca.Warn(
 
 def _lcca_origin(data: bytes) -> None:
     """What a copy of a warning says that its braking vehicle signed."""
-    link = LccaLink(_SECURITY, psid.BSM, None)
+    link = LccaLink(_SECURITY, psid.BSM, None, PlateDigest(PlateDigestSettings()))
     opened = Opened(b"", b"signer--", _UTC_S)
-    link.refusal(lcca.LccaPdu(_COPY, origin=data), opened, now=0.0)
-    link.encode(_COPY)
+    message, _ = link.receive_pdu(lcca.LccaPdu(_COPY, origin=data), opened, None, now=0.0)
+    link.encode(message)
 
 
 def _security(data: bytes) -> object:
@@ -247,7 +249,7 @@ TARGETS = {
     "sdsm": _codec(sdsm.decode, sdsm.encode, 2e-2),
     "mvs_footer": _codec(mvs_footer.decode, mvs_footer.encode),
     "lcca": _codec(lcca.decode, _encode_lcca),
-    "lcca_origin": Target(_lcca_origin),
+    "lcca_origin": Target(_lcca_origin, (RefusalError,)),
     "can": Target(_can, max_s_per_kilobyte=5e-3),  # 62 frames through the brake detector too
     "nmea": Target(_nmea),
     "gpsd": Target(_gpsd),

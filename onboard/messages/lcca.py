@@ -11,7 +11,7 @@ those of a repeated Warn, what the braking car signed.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Annotated, Any, ClassVar, Self, get_args
 
@@ -184,6 +184,8 @@ class Warn:
     times for which each car held it, each on its own clock."""
     hops: Annotated[int, Unsigned(8)]
     """1 in the copy that the braking car sends."""
+    origin: bytes = field(default=b"", repr=False, compare=False)
+    """What the braking car signed, which follows the fields of a copy; empty in its own."""
 
     @property
     def is_direct(self) -> bool:

@@ -5,13 +5,14 @@ A message is a frozen dataclass whose annotations say what each field is on the 
     speed_m_s: Annotated[float | None, Quantity(0, 8190, 0.02, "m/s", unavailable=8191)]
 
 `Record` reads that declaration; encoding, decoding, printing, documentation and the property tests
-all go through it. Fields follow one another without padding, most significant bit first. `None` is
-sent as the field's "unavailable" code, or, in an `Optional` field, left out.
+all go through it. What is not so declared, and has a default, is no part of it. Fields follow one
+another without padding, most significant bit first. `None` is sent as the field's "unavailable"
+code, or, in an `Optional` field, left out.
 """
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Generic, TypeVar, get_type_hints
+from typing import Annotated, Any, Generic, TypeVar, get_origin, get_type_hints
 
 from typing_extensions import override
 
@@ -221,6 +222,7 @@ def _declared_fields(record: type[Any]) -> dict[str, Field]:
     return {
         field.name: next(part for part in hints[field.name].__metadata__ if isinstance(part, Field))
         for field in fields(record)
+        if get_origin(hints[field.name]) is Annotated
     }
 
 

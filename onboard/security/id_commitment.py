@@ -1,9 +1,10 @@
 """The vehicle IDs that a certificate commits to, and the proof that one of them is among them.
 
-An authority that knows the plate puts the root of a Merkle tree over the communication IDs of a
-certificate's epochs into it, as the service-specific permissions (SSP) of LCCA. Whoever sends under
-an ID proves it by the siblings on the way from the ID up to the root, of its own certificate. So no
-certificate speaks for another vehicle, and the IDs of other epochs stay hidden.
+An authority that knows the plate puts the root of a Merkle tree over a certificate's epochs, each
+with its communication ID, into it, as the service-specific permissions (SSP) of LCCA. Whoever sends
+under an ID proves it by the siblings on the way from epoch and ID up to the root, of its own
+certificate. So no certificate speaks for another vehicle, nor under two IDs at a time, and the IDs
+of other epochs stay hidden.
 
 Leaves and nodes are hashed apart, as in RFC 9162, 2.1.1, so that no node passes for an ID. The two
 children of a node are hashed in the order of their values: a proof needs no directions.
@@ -18,16 +19,16 @@ NODE_BYTES = 12
 MAX_PROOF = 16
 """Siblings in a proof: of certificates with 65,536 epochs."""
 
-_SSP_VERSION = b"\x01"
+_SSP_VERSION = b"\x02"
 _LEAF, _NODE = b"\x00", b"\x01"
 
 Proof = tuple[bytes, ...]
-"""Siblings from the ID upwards, each of `NODE_BYTES`."""
+"""Siblings from the leaf upwards, each of `NODE_BYTES`."""
 
 
-def leaf(car_id: bytes) -> bytes:
-    """Return the leaf of a communication ID."""
-    return _hashed(_LEAF + car_id)
+def leaf(epoch: int, car_id: bytes) -> bytes:
+    """Return the leaf of the communication ID of an epoch, by its number."""
+    return _hashed(_LEAF + epoch.to_bytes(8, signed=True) + car_id)
 
 
 def leaves_in(data: bytes) -> tuple[bytes, ...]:
@@ -40,9 +41,9 @@ def root_of(leaves: Sequence[bytes]) -> bytes:
     return _levels(leaves)[-1][0]
 
 
-def proof_of(car_id: bytes, leaves: Sequence[bytes]) -> Proof | None:
-    """Return the proof that an ID is among `leaves`; `None` if it is not."""
-    if (own := leaf(car_id)) not in leaves:
+def proof_of(own: bytes, leaves: Sequence[bytes]) -> Proof | None:
+    """Return the proof that a leaf is among `leaves`; `None` if it is not."""
+    if own not in leaves:
         return None
     proof, at = [], leaves.index(own)
     for level in _levels(leaves)[:-1]:
@@ -53,9 +54,9 @@ def proof_of(car_id: bytes, leaves: Sequence[bytes]) -> Proof | None:
     return tuple(proof)
 
 
-def is_proved(car_id: bytes, proof: Proof, root: bytes) -> bool:
-    """Whether `proof` shows that the holder of a certificate with this root owns the ID."""
-    node = leaf(car_id)
+def is_proved(own: bytes, proof: Proof, root: bytes) -> bool:
+    """Whether `proof` shows that a certificate with this root commits to the leaf `own`."""
+    node = own
     for sibling in proof:
         node = _parent(node, sibling)
     return node == root

@@ -148,7 +148,7 @@ def _check_ids_of(
 ) -> None:
     """Check certificates with what they commit to by one of the first one's epochs."""
     begins_utc_s = own[0][0].subject.valid_from_utc_s if own else 0.0
-    its_leaf = leaf(digest.car_id(plate, begins_utc_s))
+    its_leaf = leaf(digest.epoch(begins_utc_s), digest.car_id(plate, begins_utc_s))
     if not any(its_leaf in committed for _, committed in own):
         raise KeyFilesError(
             f"{folder / 'pseudonyms' / '000.cert'}: commits to the IDs of another vehicle than"

@@ -88,7 +88,8 @@ class Pseudonyms:
             if self._current is not None:
                 self._reseed()
             car_id = self._digest.car_id(self._plate_text, utc_s)
-            credential = self._credential(car_id, utc_s, ends_at_utc_s)
+            own = leaf(self._digest.epoch(utc_s), car_id)
+            credential = self._credential(own, utc_s, ends_at_utc_s)
             committed = () if credential is None else credential.committed
             self._current = Pseudonym(
                 car_id=car_id,
@@ -96,7 +97,7 @@ class Pseudonyms:
                 first_msg_cnt=int(self._rng.integers(128)),
                 credential=credential,
                 ends_at_utc_s=ends_at_utc_s,
-                proof=proof_of(car_id, committed) or (),
+                proof=proof_of(own, committed) or (),
             )
         return self._current
 
@@ -107,7 +108,7 @@ class Pseudonyms:
             fresh = type(self._rng.bit_generator)(np.random.SeedSequence(int.from_bytes(entropy)))
             self._rng.bit_generator.state = fresh.state
 
-    def _credential(self, car_id: bytes, utc_s: float, ends_at_utc_s: float) -> Credential | None:
+    def _credential(self, own: bytes, utc_s: float, ends_at_utc_s: float) -> Credential | None:
         """Return the certificate of this epoch, one that is valid for all of it.
 
         One that commits to the ID of the epoch comes first: only with it the ID can be proved.
@@ -117,7 +118,7 @@ class Pseudonyms:
         silence.
         """
         valid = [each for each in self._credentials if _is_valid(each, utc_s, ends_at_utc_s)]
-        committed = [each for each in valid if leaf(car_id) in each.committed]
+        committed = [each for each in valid if own in each.committed]
         candidates = committed or valid or self._credentials
         return candidates[self._digest.epoch(utc_s) % len(candidates)] if candidates else None
 

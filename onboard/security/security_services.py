@@ -187,7 +187,7 @@ class SecurityServices:
 
     # ---- in -------------------------------------------------------------------------------
 
-    def open(self, data: bytes, psid: int, now: float) -> Opened:
+    def open(self, data: bytes, psid: int, now: float, *, is_repeated: bool = False) -> Opened:
         """Verify 1609.2 data and return its content.
 
         Without credentials, nothing is verified: whatever can be decoded is returned.
@@ -196,6 +196,7 @@ class SecurityServices:
             data: Ieee1609Dot2Data.
             psid: the service it was received under.
             now: the present time.
+            is_repeated: whether others than its signer send it too: it is no replay.
 
         Raises:
             NotTrusted: the message is refused; `reason` is the cause.
@@ -217,32 +218,11 @@ class SecurityServices:
         if message.p2pcd_request is not None:
             self.distribution.receive_request(message.p2pcd_request, now)
         try:
-            return self._verified(data, message, self._trust, now)
+            return self._verified(data, message, self._trust, now, is_repeated=is_repeated)
         except NotTrusted as refusal:
             if refusal.reason is RejectionReason.UNKNOWN_ISSUER:
                 self.distribution.receive_unknown_issuer(bytes.fromhex(refusal.detail), now)
             raise
-
-    def open_repeated(self, data: bytes, psid: int, now: float) -> Opened:
-        """Verify signed data that another vehicle than its signer sends; it may be known.
-
-        Args:
-            data: Ieee1609Dot2Data.
-            psid: the service that it must be signed for.
-            now: the present time.
-
-        Raises:
-            NotTrusted: it is refused, or nothing can be verified.
-        """
-        try:
-            message = ieee1609dot2.decode(data)
-        except (Malformed, Unsupported) as error:
-            raise NotTrusted(RejectionReason.MALFORMED, str(error)) from error
-        if isinstance(message, UnsecuredData) or self._trust is None:
-            raise NotTrusted(RejectionReason.UNSIGNED)
-        if message.psid != psid:
-            raise NotTrusted(RejectionReason.WRONG_PSID, f"signed for 0x{message.psid:X}")
-        return self._verified(data, message, self._trust, now, is_repeated=True)
 
     def receive_ca_certs(self, data: bytes, now: float) -> None:
         """Keep the certificates in an answer that was asked for (`peer_to_peer`).
@@ -268,7 +248,7 @@ class SecurityServices:
         trust: TrustStore,
         now: float,
         *,
-        is_repeated: bool = False,
+        is_repeated: bool,
     ) -> Opened:
         utc_s = now + self.utc_offset_s
         generation = self._check_time(message, utc_s)

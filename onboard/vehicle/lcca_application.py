@@ -6,6 +6,7 @@ IDs, IDs of adjacent epochs are masked on the air, and what is not credible is r
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from onboard.misbehaviour.sender_check import sender_violation
 from onboard.observations import Discarded, HardBrake, Lead, LeadIdentity, Speed
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
+from onboard.security.security_services import CLOCK_TOLERANCE_S
 from onboard.trace.trace_line import Event
 
 
@@ -150,6 +152,8 @@ class LccaApplication:
             case _ if signer is not None and self._refuses(message, signer, heading_rad, now):
                 pass
             case lcca.Warn():
+                if stated is not None:
+                    message = _aged(message, stated, now)
                 claimant = self._claimant(signer, stated, now)
                 if self._is_ignored(message, claimant, now):
                     sender = message.sender_id.hex()
@@ -259,3 +263,9 @@ class LccaApplication:
 
     def _discard(self, reason: str, detail: str, now: float) -> None:
         self._events.append(Discarded(now, "lcca", reason, detail))
+
+
+def _aged(copy: lcca.Warn, stated: BrakingStatement, now: float) -> lcca.Warn:
+    """Return a copy at least as old as what its braking vehicle signed, whatever clocks say."""
+    least_s = now - stated.made_at_s - CLOCK_TOLERANCE_S
+    return replace(copy, age_s=max(copy.age_s, least_s))

@@ -1,29 +1,40 @@
 """LCCA messages to what is signed and back: whose the sender's ID is, and who brakes.
 
 Where the own certificates commit to vehicle IDs, those of others must too. Only an inquiry needs no
-proof: nothing follows from whose it is, and answers are limited by signer.
+proof: nothing follows from whose it is, and answers are limited by signer. An ID is that of the
+epoch in which its message was signed, so no clocks are compared.
 
 Whoever repeats a warning adds what the braking vehicle signed. So the claim is that vehicle's own:
-a forwarder invents nothing in its name, and is not charged for what it passes on.
+a forwarder invents nothing in its name, and is not charged for what it passes on. What was signed
+stays with the warning until its own copy is sent, whatever others send in the meantime.
 """
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from onboard.errors import DecodeError
 from onboard.lcca.events import BrakingStatement
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, Inquiry, LccaMessage, LccaPdu, Warn, WarnCause
+from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
-from onboard.security.id_commitment import Proof, is_proved, root_in
+from onboard.security.id_commitment import Proof, is_proved, leaf, root_in
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
+from onboard.security.region import TwoDLocation
 from onboard.security.rejection import NotTrusted, RejectionReason
-from onboard.security.security_services import MESSAGE_LIFETIME_S, Opened, SecurityServices
+from onboard.security.security_services import Opened, SecurityServices
 
 MAX_STATEMENTS = 256
-"""Statements of braking vehicles that are kept, those received last."""
+"""Statements of braking vehicles whose signatures are not verified again, those received last."""
+EDGE_S = 0.01
+"""Time between choosing an ID and signing under it."""
 
 _Key = tuple[CarId, int, int, WarnCause | int, float]
+
+
+class RefusalError(Exception):
+    """Its sender may not send this message; the argument is the reason, a counted word."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +49,11 @@ class LccaLink:
     """Proves the own ID and passes on what others signed; asks the same of others."""
 
     def __init__(
-        self, security: SecurityServices, psid: int, credentials: Credentials | None
+        self,
+        security: SecurityServices,
+        psid: int,
+        credentials: Credentials | None,
+        digest: PlateDigest,
     ) -> None:
         """Start without statements.
 
@@ -46,10 +61,12 @@ class LccaLink:
             security: verifies what is passed on.
             psid: of the messages.
             credentials: the own ones; proofs are asked for if they commit to IDs.
+            digest: knows when epochs begin.
         """
         self._security = security
         self._psid = psid
         self._asks = credentials is not None and credentials.commit_to_ids
+        self._digest = digest
         self._proof: Proof = ()
         self._statements: OrderedDict[_Key, _Statement] = OrderedDict()
 
@@ -61,73 +78,85 @@ class LccaLink:
         """Return what is to be signed."""
         if isinstance(message, Inquiry):
             return lcca.encode(message)
-        statement = None
-        if isinstance(message, Warn) and not message.is_direct:
-            statement = self._statements.get(_key(message))
         return lcca.encode(
-            message, self._proof, b"" if statement is None else statement.opened.secured
+            message, self._proof, message.origin if isinstance(message, Warn) else b""
         )
 
-    def refusal(self, pdu: LccaPdu, opened: Opened, now: float) -> str | None:
-        """Return why a message is refused, as a counted word; `None` if it is accepted.
+    def receive_pdu(
+        self, pdu: LccaPdu, opened: Opened, place: TwoDLocation | None, now: float
+    ) -> tuple[LccaMessage, BrakingStatement | None]:
+        """Return a message, and of a signed copy of a warning what the braking vehicle stated.
 
         Args:
             pdu: as decoded.
             opened: what it was decoded from.
+            place: of the host vehicle; `None` if it is not known.
             now: the present time.
+
+        Raises:
+            RefusalError: its sender may not send it.
         """
         message = pdu.message
-        if isinstance(message, Inquiry):
-            return None
-        if not self._is_proved(message.sender_id, pdu.proof, opened):
-            return "unproved_id"
+        if not isinstance(message, Inquiry) and not self._is_proved(
+            message.sender_id, pdu.proof, opened
+        ):
+            raise RefusalError("unproved_id")
         if not isinstance(message, Warn) or not self._security.verifies:
-            return None
+            return message, None
         if message.is_direct:
             self._keep(_Statement(message, opened))
-            return None
-        return None if self.statement_of(message, now) else self._refusal_of_copy(message, pdu, now)
+            return replace(message, origin=opened.secured), None
+        stated = self._statements.get(_key(message)) or self._verified(pdu.origin, message, now)
+        if stated.opened.signer_id == opened.signer_id:
+            raise RefusalError("unproved_origin")
+        if not stated.opened.is_valid_at(place):
+            raise RefusalError(RejectionReason.OUTSIDE_REGION)
+        made_at_s = self._security.made_at_s(stated.opened, now) - stated.warn.age_s
+        return replace(message, origin=stated.opened.secured), BrakingStatement(
+            stated.warn, stated.opened.signer_id, made_at_s
+        )
 
-    def _refusal_of_copy(self, warn: Warn, pdu: LccaPdu, now: float) -> str | None:
-        """Take what the braking vehicle signed; return why it does not prove the copy."""
+    def _verified(self, origin: bytes, copy: Warn, now: float) -> _Statement:
+        """Return what the braking vehicle signed, verified only if the copy states the same."""
+        if not _states(ieee1609dot2.payload_in(origin) or b"", copy):
+            raise RefusalError("unproved_origin")
         try:
-            opened = self._security.open_repeated(pdu.origin, self._psid, now)
-            stated = lcca.decode(opened.payload)
+            opened = self._security.open(origin, self._psid, now, is_repeated=True)
         except NotTrusted as refusal:
             is_own = refusal.reason is RejectionReason.OWN_ECHO
-            return "own_echo" if is_own else "unproved_origin"
-        except DecodeError:
-            return "unproved_origin"
-        origin = stated.message
-        if (
-            not isinstance(origin, Warn)
-            or not origin.is_direct
-            or _key(origin) != _key(warn)
-            or not self._is_proved(origin.sender_id, stated.proof, opened)
+            raise RefusalError("own_echo" if is_own else "unproved_origin") from refusal
+        stated = lcca.decode(opened.payload)
+        if not isinstance(stated.message, Warn) or not self._is_proved(
+            stated.message.sender_id, stated.proof, opened
         ):
-            return "unproved_origin"
-        self._keep(_Statement(origin, opened))
-        return None
-
-    def statement_of(self, warn: Warn, now: float) -> BrakingStatement | None:
-        """Return what the braking vehicle stated; `None` if it is not known, or out of date."""
-        stated = self._statements.get(_key(warn))
-        if stated is None or stated.opened.generation_utc_s is None:
-            return None
-        if self._security.utc_s(now) - stated.opened.generation_utc_s > MESSAGE_LIFETIME_S:
-            return None
-        return BrakingStatement(stated.warn, stated.opened.signer_id)
+            raise RefusalError("unproved_origin")
+        return self._keep(_Statement(stated.message, opened))
 
     def _is_proved(self, car_id: CarId, proof: Proof, opened: Opened) -> bool:
-        root = root_in(opened.ssp)
-        return not self._asks or (root is not None and is_proved(car_id, proof, root))
+        if not self._asks:
+            return True
+        root, signed_utc_s = root_in(opened.ssp), opened.generation_utc_s
+        if root is None or signed_utc_s is None:
+            return False
+        epochs = {self._digest.epoch(signed_utc_s + edge_s) for edge_s in (-EDGE_S, EDGE_S)}
+        return any(is_proved(leaf(epoch, car_id), proof, root) for epoch in epochs)
 
-    def _keep(self, stated: _Statement) -> None:
+    def _keep(self, stated: _Statement) -> _Statement:
         key = _key(stated.warn)
         self._statements[key] = stated
         self._statements.move_to_end(key)
         if len(self._statements) > MAX_STATEMENTS:
             self._statements.popitem(last=False)
+        return stated
+
+
+def _states(payload: bytes, copy: Warn) -> bool:
+    """Whether a payload is the warning of the braking vehicle that a copy is of."""
+    try:
+        origin = lcca.decode(payload).message
+    except DecodeError:
+        return False
+    return isinstance(origin, Warn) and origin.is_direct and _key(origin) == _key(copy)
 
 
 def _key(warn: Warn) -> _Key:

@@ -34,7 +34,7 @@ from onboard.security.security_services import Opened, SecurityServices
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.lcca_link import LccaLink
+from onboard.vehicle.lcca_link import LccaLink, RefusalError
 from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, Vehicle
 from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid
@@ -110,7 +110,7 @@ class Stack:
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
         self._link = WaveLink(self._security, self._codecs)
-        self._lcca_link = LccaLink(self._security, config.lcca_psid, credentials)
+        self._lcca_link = LccaLink(self._security, config.lcca_psid, credentials, self._digest)
         self._vehicle = Vehicle(
             config,
             tuple(sensors),
@@ -172,10 +172,11 @@ class Stack:
         if utc_s is not None:
             self._security.utc_offset_s = utc_s - now
             self._vehicle.set_utc_offset(utc_s - now)
+        self._change_pseudonym_if_due(now)
         for each in inputs:
             self._receive(each, now)
         if self.get_timer() <= now:
-            self._handle_timer(now)
+            self._vehicle.handle_timer(now)
         wsms = []
         for wsm in self._wsms_to_send(now):
             send(wsm)
@@ -188,13 +189,13 @@ class Stack:
         """Return when the next step is due without any input; `math.inf` if never."""
         return self._vehicle.get_timer()
 
-    def _handle_timer(self, now: float) -> None:
+    def _change_pseudonym_if_due(self, now: float) -> None:
+        """Change it before anything is received: what then waits to be sent names the new one."""
         pseudonym = self._pseudonyms.at(self._security.utc_s(now))
         if pseudonym is not self._pseudonym:
             self._pseudonym = pseudonym
             self._vehicle.change_pseudonym(pseudonym, now)
             self._use_credential(now)
-        self._vehicle.handle_timer(now)
 
     def _use_credential(self, now: float) -> None:
         self._lcca_link.use_pseudonym(self._pseudonym)
@@ -248,15 +249,12 @@ class Stack:
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
 
     def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
-        message = pdu.message
-        refusal = self._lcca_link.refusal(pdu, opened, now)
-        if refusal is not None:
-            detail = f"{message.kind} from {message.sender_id.hex()}"
-            self._vehicle.put_out(Discarded(now, "lcca", refusal, detail))
+        try:
+            message, stated = self._lcca_link.receive_pdu(pdu, opened, self._own_place(now), now)
+        except RefusalError as refusal:
+            detail = f"{pdu.message.kind} from {pdu.message.sender_id.hex()}"
+            self._vehicle.put_out(Discarded(now, "lcca", str(refusal), detail))
             return
-        stated = None
-        if isinstance(message, lcca.Warn) and not message.is_direct:
-            stated = self._lcca_link.statement_of(message, now)
         made_at_s = self._security.made_at_s(opened, now)
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now, stated)
 

@@ -44,29 +44,39 @@ def _credentials(*, implicit: bool = False) -> Credentials:
 
 @given(IDS)
 def test_every_id_of_a_certificate_is_proved(car_ids: list[bytes]) -> None:
-    leaves = [leaf(car_id) for car_id in car_ids]
+    leaves = [leaf(epoch, car_id) for epoch, car_id in enumerate(car_ids)]
     root = a(bytes, root_in(ssp_of(leaves)))
-    for car_id in car_ids:
-        proof = a(tuple, proof_of(car_id, leaves))
+    for own in leaves:
+        proof = a(tuple, proof_of(own, leaves))
         assert len(proof) <= MAX_PROOF
-        assert is_proved(car_id, proof, root)
+        assert is_proved(own, proof, root)
 
 
 @given(IDS, st.binary(min_size=8, max_size=8), st.data())
 def test_no_other_id_is_proved_by_any_proof_of_these(
     car_ids: list[bytes], other: bytes, data: st.DataObject
 ) -> None:
-    leaves = [leaf(car_id) for car_id in car_ids]
-    proof = a(tuple, proof_of(data.draw(st.sampled_from(car_ids)), leaves))
-    if other not in car_ids:
-        assert proof_of(other, leaves) is None
-        assert not is_proved(other, proof, root_of(leaves))
+    leaves = [leaf(epoch, car_id) for epoch, car_id in enumerate(car_ids)]
+    proof = a(tuple, proof_of(data.draw(st.sampled_from(leaves)), leaves))
+    for epoch in range(-1, len(car_ids) + 1):
+        if car_ids[epoch : epoch + 1] != [other]:
+            assert proof_of(leaf(epoch, other), leaves) is None
+            assert not is_proved(leaf(epoch, other), proof, root_of(leaves))
+
+
+def test_an_id_is_that_of_its_epoch_only() -> None:
+    leaves = [leaf(epoch, bytes((epoch,)) * 8) for epoch in range(5)]
+    proof = a(tuple, proof_of(leaves[2], leaves))
+    proved = [is_proved(leaf(at, bytes((2,)) * 8), proof, root_of(leaves)) for at in range(5)]
+    assert proved == [False, False, True, False, False]
 
 
 def test_a_node_is_not_an_id() -> None:
     """The children of the root, as an ID of their own, would prove themselves without a proof."""
-    one, two = leaf(b"AAAAAAAA"), leaf(b"BBBBBBBB")
-    assert not is_proved(min(one, two) + max(one, two), (), root_of([one, two]))
+    one, two = leaf(0, b"AAAAAAAA"), leaf(1, b"BBBBBBBB")
+    children = min(one, two) + max(one, two)
+    as_epoch = int.from_bytes(children[:8], signed=True)
+    assert not is_proved(leaf(as_epoch, children[8:]), (), root_of([one, two]))
 
 
 def test_root_of_three_by_hand() -> None:
@@ -75,14 +85,14 @@ def test_root_of_three_by_hand() -> None:
     def cut(data: bytes) -> bytes:
         return hashlib.sha256(data).digest()[:NODE_BYTES]
 
-    one, two, three = (cut(b"\x00" + each) for each in (b"1" * 8, b"2" * 8, b"3" * 8))
+    one, two, three = (cut(bytes(8) + bytes((n,)) + bytes((n,)) * 8) for n in (1, 2, 3))
     pair = cut(b"\x01" + b"".join(sorted((one, two))))
-    assert root_of([leaf(b"1" * 8), leaf(b"2" * 8), leaf(b"3" * 8)]) == cut(
+    assert root_of([leaf(n, bytes((n,)) * 8) for n in (1, 2, 3)]) == cut(
         b"\x01" + b"".join(sorted((pair, three)))
     )
 
 
-@pytest.mark.parametrize("ssp", [None, b"", b"\x01", b"\x02" + bytes(12), b"\x01" + bytes(13)])
+@pytest.mark.parametrize("ssp", [None, b"", b"\x02", b"\x01" + bytes(12), b"\x02" + bytes(13)])
 def test_other_ssps_commit_to_nothing(ssp: bytes | None) -> None:
     assert root_in(ssp) is None
 
@@ -94,11 +104,11 @@ def test_the_certificate_of_each_epoch_commits_to_its_id(*, implicit: bool) -> N
     for number in range(-5, 60):
         utc_s = UTC_S + 300.0 * number
         epoch = DIGEST.epoch(utc_s)
-        car_id = DIGEST.car_id("ABC123", utc_s)
+        its_leaf = leaf(epoch, DIGEST.car_id("ABC123", utc_s))
         proved = [
             is_proved(
-                car_id,
-                proof_of(car_id, own.committed) or (),
+                its_leaf,
+                proof_of(its_leaf, own.committed) or (),
                 a(bytes, root_in(own.certificate.ssp(LCCA))),
             )
             for own in credentials.pseudonyms

@@ -84,11 +84,12 @@ class Platoon:
 
     def settle(self) -> None:
         """Step the vehicles until no frame is on its way."""
-        self._step()
+        self.step()
         while any(self._inputs.values()):
-            self._step()
+            self.step()
 
-    def _step(self) -> None:
+    def step(self) -> None:
+        """Step the vehicles once."""
         all_inputs, self._inputs = self._inputs, {plate: [] for plate in self.cars}
         for plate, stack in self.cars.items():
             outputs = stack.step(all_inputs[plate], self.now)

@@ -21,6 +21,7 @@ from tests.vehicle.proved import (
     car_id,
     driven,
     message_in,
+    pdu_in,
     reasons,
     stack_of,
     warned,
@@ -180,3 +181,39 @@ def test_nothing_that_is_sent_links_two_pseudonyms() -> None:
         assert siblings.isdisjoint(each.proof)
         siblings.update(each.proof)
     assert len(roots) == len(pseudonyms)
+
+
+def test_an_id_of_another_epoch_is_not_proved() -> None:
+    """Else one certificate would be some hundred vehicles at a time."""
+    platoon, insider = driven(), Insider()
+    own, third = insider.pseudonym(platoon.now), Insider().pseudonym(platoon.now + 3 * 300.0)
+    assert own.credential == third.credential
+    lead = car_id(platoon, "AAA1")
+    join = lcca.Join(third.car_id, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    platoon.receive("AAA1", insider.wsm(join, platoon.now, third.proof))
+    platoon.settle()
+
+    assert third.car_id not in stack_of(platoon, "AAA1").group.followers
+    assert reasons(platoon, "AAA1")[-1:] == ["unproved_id"]
+
+
+@pytest.mark.parametrize("step_s", [0.0, 0.0003])
+def test_what_is_received_when_the_ids_change_is_answered_under_the_new_one(
+    step_s: float,
+) -> None:
+    """Not under the old ID, signed with the certificate of the new one."""
+    platoon, insider = driven(30.0), Insider(30.0)
+    changes_at = stack_of(platoon, "AAA1").digest.epoch_ends_at(UTC_S + platoon.now) - UTC_S
+    platoon.drive(changes_at - platoon.now - 0.15)
+    platoon.now = changes_at + step_s
+    before = len(platoon.on_air)
+    lead = car_id(platoon, "AAA1", changes_at - 1.0)
+    own = insider.pseudonym(platoon.now).car_id
+    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    platoon.receive("AAA1", insider.wsm(join, platoon.now))
+    platoon.drive(0.1)
+
+    sent = [pdu for wsm in platoon.on_air[before:] if (pdu := pdu_in(wsm)) is not None]
+    replies = [pdu.message for pdu in sent if isinstance(pdu.message, lcca.Reply)]
+    assert [each.sender_id for each in replies if each.to_id == own] == [car_id(platoon, "AAA1")]
+    assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)

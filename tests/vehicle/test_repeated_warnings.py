@@ -7,10 +7,15 @@ import pytest
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, LccaPdu, Warn, WarnCause
 from onboard.misbehaviour.signer_credibility import MOST_ALARMS, SignerIgnored
-from onboard.observations import HardBrake
-from onboard.wave_udp import wsmp
-from tests.security.trial import UTC_S
-from tests.vehicle.platoon import Platoon
+from onboard.observations import HardBrake, Position
+from onboard.security import ieee1609dot2
+from onboard.security.ieee1609dot2 import SignedData
+from onboard.security.region import CircularRegion, TwoDLocation
+from onboard.tools.test_ca.authority import KnownPlate, make_issuing, make_pseudonyms
+from onboard.trace.trace_line import as_record
+from onboard.wave_udp import psid, wsmp
+from tests.security.trial import ALICE, BOB, CAROL, ISSUING, ROOT, UTC_S, VALID, new_key
+from tests.vehicle.platoon import Platoon, car
 from tests.vehicle.proved import (
     PLATES,
     Insider,
@@ -20,6 +25,7 @@ from tests.vehicle.proved import (
     pdu_in,
     reasons,
     secured_in,
+    stack_of,
     warned,
 )
 
@@ -96,6 +102,22 @@ def true_statement(platoon: Platoon) -> bytes:
     raise AssertionError("no warning")
 
 
+def test_who_states_a_braking_does_not_pass_it_on_as_another() -> None:
+    """Without an authority that knows plates, one certificate speaks under any IDs."""
+    keys = {"AAA1": ALICE, "BBB2": BOB}
+    platoon = Platoon({plate: car(plate, 300.0, keys[plate], UTC_S) for plate in keys})
+    platoon.drive(3.0)
+    insider, lead = Insider(keys=CAROL), car_id(platoon, "AAA1")
+    warn = braking(b"unknown1", lead, 900)
+    stated = secured_in(insider.wsm(warn, platoon.now))
+    copy = insider.wsm(replace(warn, sender_id=b"unknown2", hops=2), platoon.now, origin=stated)
+    platoon.receive("BBB2", copy)
+    platoon.settle()
+
+    assert reasons(platoon, "BBB2")[-1:] == ["unproved_origin"]
+    assert warned(platoon) == []
+
+
 def ignored(platoon: Platoon, plate: str) -> set[bytes]:
     events = (each for name, each in platoon.events if name == plate)
     return {each.signer_id for each in events if isinstance(each, SignerIgnored)}
@@ -156,3 +178,90 @@ def test_a_braking_that_lasts_is_named_by_the_new_id_after_a_change() -> None:
     platoon.drive(0.3)
     for plate in ("BBB2", "CCC3"):
         assert len(list(platoon.events_of(plate, "warning_over"))) == 1
+
+
+def copied(platoon: Platoon, insider: Insider, origin: Insider, made_at: float) -> Warn:
+    """A braking of another vehicle as an insider passes it on, ahead in this group and fresh."""
+    own = insider.pseudonym(platoon.now).car_id
+    true = braking(origin.pseudonym(made_at).car_id, car_id(platoon, "AAA1"), 900)
+    return replace(true, sender_id=own, hops=2, age_s=0.0)
+
+
+@pytest.mark.parametrize(("later_s", "age_s"), [(1.0, 0.0), (4.0, 2.0), (4.9, 2.9), (5.01, None)])
+def test_a_copy_is_as_old_as_its_vehicle_signed_it_but_for_the_error_of_clocks(
+    later_s: float, age_s: float | None
+) -> None:
+    """Clocks may differ by 2 s; a warning of more than 3 s is refused."""
+    platoon, insider, honest = driven(beacons=False), Insider(), Insider(plate="DDD4")
+    made_at = platoon.now
+    own = honest.pseudonym(made_at).car_id
+    signed = secured_in(honest.wsm(braking(own, car_id(platoon, "AAA1"), 900), made_at))
+    platoon.now = made_at + later_s
+    copy = copied(platoon, insider, honest, made_at)
+    platoon.receive("CCC3", insider.wsm(copy, platoon.now, origin=signed))
+    platoon.settle()
+
+    raised = [as_record(each)["age_s"] for each in platoon.events_of("CCC3", "warning")]
+    assert raised == ([] if age_s is None else [pytest.approx(age_s, abs=0.01)])
+
+
+def test_what_others_state_displaces_no_origin_of_a_copy_that_waits() -> None:
+    """The leader brakes; before the next vehicle repeats it, an insider states hundreds."""
+    platoon, insider = driven(reach=1), Insider()
+    platoon.speed_m_s["AAA1"] -= 1.0
+    platoon.drive(0.1)
+    platoon.receive("AAA1", HardBrake(platoon.now, 7.0, source="obd"))
+    own = insider.pseudonym(platoon.now).car_id
+    platoon.step()
+    for sequence in range(300):
+        flood = insider.wsm(braking(own, own, sequence), platoon.now)
+        platoon.receive("BBB2", flood)
+    platoon.drive(0.3)
+
+    assert warned(platoon) == ["BBB2", "CCC3"]
+    assert all(pdu.origin for pdu in repeated(platoon))
+
+
+def test_the_issuer_of_what_a_copy_carries_is_asked_for() -> None:
+    """The braking vehicle is out of range, and of another authority."""
+    platoon, insider = driven(), Insider()
+    other = make_issuing(ROOT, "another", new_key=new_key, **VALID)
+    known = KnownPlate("DDD4", stack_of(platoon, "AAA1").digest)
+    keys = make_pseudonyms(other, 3, {psid.BSM, psid.LCCA}, new_key=new_key, plate=known, **VALID)
+    far = Insider(keys=keys, plate="DDD4")
+    signed = secured_in(
+        far.wsm(braking(far.pseudonym(platoon.now).car_id, b"leader--", 900), platoon.now)
+    )
+    copy = copied(platoon, insider, far, platoon.now)
+    platoon.receive("CCC3", insider.wsm(copy, platoon.now, origin=signed))
+    before = len(platoon.on_air)
+    platoon.drive(0.2)
+
+    asked = [request_in(wsm) for wsm in platoon.on_air[before:]]
+    assert other.credential.certificate.hashed_id8[-3:] in asked
+
+
+def request_in(wsm: bytes) -> bytes | None:
+    frame = wsmp.decode(wsm)
+    signed = ieee1609dot2.decode(frame.payload) if frame.psid == psid.BSM else None
+    return signed.p2pcd_request if isinstance(signed, SignedData) else None
+
+
+def test_what_was_signed_where_its_certificate_is_not_valid_is_refused() -> None:
+    platoon, insider = driven(), Insider()
+    at = Position(platoon.now, 48.0, 11.0, None, 5.0, 15.0, 1.5)
+    platoon.receive("CCC3", at)
+    elsewhere = CircularRegion(TwoDLocation(10.0, 10.0), 1000)
+    known = KnownPlate("DDD4", stack_of(platoon, "AAA1").digest)
+    keys = make_pseudonyms(
+        ISSUING, 3, {psid.BSM, psid.LCCA}, new_key=new_key, plate=known, region=elsewhere, **VALID
+    )
+    far = Insider(keys=keys, plate="DDD4")
+    signed = secured_in(
+        far.wsm(braking(far.pseudonym(platoon.now).car_id, b"leader--", 900), platoon.now)
+    )
+    copy = copied(platoon, insider, far, platoon.now)
+    platoon.receive("CCC3", insider.wsm(copy, platoon.now, origin=signed))
+    platoon.settle()
+
+    assert reasons(platoon, "CCC3")[-1:] == ["outside_region"]

@@ -51,8 +51,10 @@ class KnownPlate:
             self.digest.epoch(utc_s) for utc_s in (from_utc_s, from_utc_s + valid["valid_for_s"])
         )
         epochs = range(first + (number - first) % count, last + 1, count)
-        begins_utc_s = (self.digest.begins_at(epoch) for epoch in epochs)
-        return tuple(leaf(self.digest.car_id(self.text, utc_s)) for utc_s in begins_utc_s)
+        return tuple(
+            leaf(epoch, self.digest.car_id(self.text, self.digest.begins_at(epoch)))
+            for epoch in epochs
+        )
 
 
 class Validity(TypedDict):
