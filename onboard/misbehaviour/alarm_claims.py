@@ -2,16 +2,17 @@
 
 What own sensors measure is no claim. A remote vehicle is claimed by its signer, a vehicle
 without radio by those who measured it and report it themselves, else by those who pass it on, a
-braking in the group by the vehicle that signed it, not by who repeats it. A test of the brake
-button claims nothing.
+braking in the group by the vehicle that signed it. Whoever repeats that claims only what the
+signature leaves open: that the braking is ahead in this group. A test of the brake button claims
+nothing.
 """
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Sequence
 
 from onboard.lcca.events import WarningLevel, WarningRaised
 from onboard.messages.lcca import CarId, Warn
-from onboard.misbehaviour.signer_credibility import SignerCredibility
+from onboard.misbehaviour.signer_credibility import PASSING_ON, SignerCredibility
 from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause, Level
 from onboard.risk.alarm_table import row_of
@@ -22,9 +23,12 @@ MAX_SIGMA_M_S = 1.0
 """Of a closing speed that shows the lead vehicle slowing down."""
 
 NOBODY = b""
-"""The signer of a braking that too many others have displaced, or whose vehicle did not state that
-it is ahead: all of these together raise as many false alarms as one signer."""
+"""The signer of a braking that too many others have displaced: all of these together raise as many
+false alarms as one signer."""
+NO_SENDER = b"no sender"
+"""The same of vehicles whose BSMs are not known."""
 _MAX_BRAKINGS = 256
+"""Of more, the oldest of whoever has claimed most is displaced: nobody displaces another's."""
 
 
 class AlarmClaims:
@@ -55,23 +59,45 @@ class AlarmClaims:
         self._lead_track: int | None = None
         self._objects: dict[str, PerceivedObject] = {}
         self._first_signers: OrderedDict[tuple[CarId, int], bytes] = OrderedDict()
-        """First signer of each braking, by its vehicle and first sequence number."""
+        """First claimant of each braking, by its vehicle and first sequence number."""
         self._brakings: OrderedDict[str, bytes] = OrderedDict()
-        """Signer of the last one of each vehicle, by the name that alarms have for it."""
+        """Claimant of the last one of each vehicle, by the name that alarms have for it."""
 
     def receive_identified(self, signers: Collection[bytes]) -> None:
         """Take the signers of the vehicles that the host has identified; replaces the last ones."""
-        self._identified = signers
+        self._identified = {*signers, *(PASSING_ON + each for each in signers)}
 
-    def receive_warn(self, warn: Warn, signer: bytes | None) -> None:
-        """Take a warning on the air that the group is given next; `signer` claims the braking."""
+    def claimant(self, forwarder: bytes, origin: bytes | None, now: float) -> bytes:
+        """Return whose account a braking is charged to that `forwarder` passes on.
+
+        The braking vehicle's, if it stated itself that it is ahead. While strangers raise no alarm,
+        an identified vehicle vouches for one whose braking it passes on.
+
+        Args:
+            forwarder: who signed the copy.
+            origin: signer of the statement in it; `None` if it does not say that it is ahead.
+            now: the time.
+        """
+        passing_on = PASSING_ON + forwarder
+        if origin is None:
+            return passing_on
+        lacks_alarms = not self.credibility.is_credible(origin, now, self._identified)
+        vouches = passing_on in self._identified and not self.credibility.is_ignored(origin, now)
+        return passing_on if lacks_alarms and vouches else origin
+
+    def receive_warn(self, warn: Warn, claimant: bytes | None, now: float) -> None:
+        """Take a warning on the air that the group is given next; `claimant` claims the braking."""
         braking, name = (warn.event_origin_id, warn.first_sequence), warn.event_origin_id.hex()
-        if self._first_signers.get(braking, NOBODY) == NOBODY:
-            self._first_signers[braking] = signer or NOBODY
-        if self._brakings.get(name) == NOBODY:
+        first = self._first_signers.get(braking, NOBODY)
+        if first == NOBODY or self.is_refused(name, first, now):
+            self._first_signers[braking] = claimant or NOBODY
+        if self._brakings.get(name) == first:
             self._brakings[name] = self._first_signers[braking]
         if len(self._first_signers) > _MAX_BRAKINGS:
-            self._first_signers.popitem(last=False)
+            ((most, _),) = Counter(self._first_signers.values()).most_common(1)
+            del self._first_signers[
+                next(each for each, of in self._first_signers.items() if of == most)
+            ]
 
     def receive_warning(self, warning: WarningRaised | WarningLevel) -> None:
         """Take a warning, or a new level of it, of which the group tells the driver."""
@@ -151,4 +177,4 @@ class AlarmClaims:
         else:
             observers = {measured.observer for measured in claimed.provenance}
             ids = claimed.reporters & observers or claimed.reporters
-        return frozenset(self._signer_of(each) or NOBODY for each in ids)
+        return frozenset(self._signer_of(each) or NO_SENDER for each in ids)

@@ -11,9 +11,12 @@ One signer so raises at most `MOST_ALARMS` false alarms, together no longer than
 `CLAIM_S`, whatever it claims, and then one in 70 minutes. A road-side unit tells many vehicles for
 ever of what they do not see: it may raise `MOST_ALARMS_OF_UNIT`.
 
-One vehicle has many certificates at a time. So each signer that stands charged takes one alarm from
-all others, and many together raise no more than twice `MOST_ALARMS`, by turns `MOST_ALARMS`. Then
-claims need own sensors, or a signer that the host has identified.
+One vehicle has many certificates at a time. So all signers share `MOST_ALARMS`: what stands charged
+to one is taken from all others. Once it is spent, claims need own sensors, or a signer that the
+host has identified.
+
+Whoever passes on a braking has a second account for that, by the name `PASSING_ON` and its own: it
+is not to lose its own credit by what others have told it, nor they theirs by what it makes of it.
 """
 
 import math
@@ -45,6 +48,9 @@ SLOWED_M_S = 2.0
 EARLIER_S = 2.0
 """The traffic may have begun to slow this long before an alarm."""
 
+PASSING_ON = b"passing on "
+"""Before the name of a signer, its account for brakings that it passes on."""
+
 _MAX_SIGNERS = 1024
 _MAX_CLAIMS = 256
 
@@ -56,7 +62,7 @@ class SignerIgnored:
     kind: ClassVar[str] = "signer_ignored"
     stamp_s: float
     signer_id: bytes
-    """HashedId8 of its certificate."""
+    """HashedId8 of its certificate, also where it is for what it has passed on."""
     vehicle: str
     """That the last one was about."""
 
@@ -76,8 +82,8 @@ class _Charges:
         return self.sum * self._left(now)
 
     def counted(self, now: float) -> float:
-        """Return what is left of the weighed ones, as they count against others: at most 1."""
-        return min(self.weighed * self._left(now), 1.0)
+        """Return what is left of the weighed ones, which count against others."""
+        return self.weighed * self._left(now)
 
     def add(self, share: float, weighed: float, now: float) -> None:
         """Charge a share of an alarm, or take it back."""
@@ -153,8 +159,8 @@ class SignerCredibility(Core):
         """Take a claim; return whether it may raise an alarm, or keep it on.
 
         Who is not ignored pays for it. To be called at 10 Hz while the claim calls for the alarm.
-        Who is not identified shares an allowance with all others: each of them that stands charged
-        takes an alarm from it. Then a braking ahead raises an alarm once the traffic slows down.
+        Who is not identified shares its alarms with all others. Once these are spent, a braking
+        ahead raises an alarm when the traffic slows down.
 
         Args:
             alarm: its cause.
@@ -235,7 +241,7 @@ class SignerCredibility(Core):
         return bool(recent_m_s) and recent_m_s[-1] <= max(recent_m_s) - SLOWED_M_S
 
     def _has_allowance(self, signer: bytes, now: float) -> bool:
-        """Whether others that stand charged leave it an alarm; units share it with nobody."""
+        """Whether what others are charged leaves it an alarm; units share theirs with nobody."""
         if self._is_road_side_unit(signer):
             return True
         own = self._charges.get(signer)
@@ -260,6 +266,6 @@ class SignerCredibility(Core):
         self._charges.move_to_end(signer)
         charges.add(share, weighed, now)
         if self.is_ignored(signer, now):
-            self._events.append(SignerIgnored(now, signer, vehicle))
+            self._events.append(SignerIgnored(now, signer.removeprefix(PASSING_ON), vehicle))
         if len(self._charges) > _MAX_SIGNERS:
             self._charges.popitem(last=False)

@@ -174,7 +174,7 @@ class LccaApplication:
             warning, signer = passed
             if self._claims is not None:
                 self._claims.receive_identified(self._identified_signers())
-                self._claims.receive_warn(warning, signer)
+                self._claims.receive_warn(warning, signer, now)
             self.group.receive_message(warning, now)
             yield from self._taken()
 
@@ -237,14 +237,14 @@ class LccaApplication:
     def _claimant(
         self, signer: bytes | None, stated: BrakingStatement | None, now: float
     ) -> bytes | None:
-        """Return who claims a braking ahead in this group: who signed it, not who passes it on.
+        """Return who claims a braking ahead in this group; see `AlarmClaims.claimant`.
 
-        Nobody does if the braking vehicle did not state that it is ahead in this group: else its
-        true braking in another lane, passed on here, would be charged to it.
+        Who brakes in another lane has not stated that it is ahead: who passes it on here claims so.
         """
-        if stated is None:
+        if stated is None or signer is None or self._claims is None:
             return signer
-        return stated.signer_id if self.group.has_ahead(stated.warn, now) else None
+        is_ahead = self.group.has_ahead(stated.warn, now)
+        return self._claims.claimant(signer, stated.signer_id if is_ahead else None, now)
 
     def _is_ignored(self, warn: lcca.Warn, claimant: bytes | None, now: float) -> bool:
         """Whether a braking is claimed, and who claims it is not credible."""

@@ -3,8 +3,9 @@
 import pytest
 
 from onboard.messages import lcca
-from onboard.misbehaviour.alarm_claims import AlarmClaims
-from onboard.misbehaviour.signer_credibility import MOST_ALARMS
+from onboard.misbehaviour import alarm_claims
+from onboard.misbehaviour.alarm_claims import NOBODY, AlarmClaims
+from onboard.misbehaviour.signer_credibility import MOST_ALARMS, PASSING_ON
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
 from onboard.risk.lcca_warning import LCCA
@@ -25,7 +26,7 @@ def claim_braking(claims: AlarmClaims, sequence: int, now: float) -> None:
         ORIGIN, ORIGIN, 1, ORIGIN, sequence, 0, 1, sequence,
         lcca.WarnCause.DECELERATION, 6.0, 0.0, 1,
     )  # fmt: skip
-    claims.receive_warn(warn, SIGNER)
+    claims.receive_warn(warn, SIGNER, now)
     claims.receive_warning(warning)
     reason = AlarmReason(warning.kind, ORIGIN.hex(), 0.0)
     assert claims.admit(LCCA, Assessment(Level.WARNING, 6.0, (reason,)), now)
@@ -47,3 +48,95 @@ def test_a_lead_that_closes_in_confirms_nothing_without_a_recent_own_speed(
         claims.receive_lead(lead(now, 5.0), now)
 
     assert claims.credibility.is_ignored(SIGNER, now) is is_ignored
+
+
+FORWARDER, UNKNOWN = b"forwards", [bytes([number]) * 8 for number in range(MOST_ALARMS)]
+
+
+def claims_of_nothing() -> AlarmClaims:
+    return AlarmClaims(lambda _: None, lambda _: False, HostState(), has_sight=True)
+
+
+def warn(origin: bytes, sequence: int) -> lcca.Warn:
+    return lcca.Warn(
+        origin, origin, 1, origin, sequence, 0, 1, sequence,
+        lcca.WarnCause.DECELERATION, 6.0, 0.0, 1,
+    )  # fmt: skip
+
+
+def alarms(claims: AlarmClaims, claimant: bytes, sequence: int, now: float) -> bool:
+    """Whether a braking that this one claims raises an alarm."""
+    if claims.is_refused(ORIGIN.hex(), claimant, now):
+        return False
+    claims.receive_warn(warn(ORIGIN, sequence), claimant, now)
+    claims.receive_warning(lcca_warning(now, ORIGIN, sequence))
+    reason = AlarmReason("warning", ORIGIN.hex(), 0.0)
+    return claims.admit(LCCA, Assessment(Level.WARNING, 6.0, (reason,)), now)
+
+
+def test_whoever_passes_on_a_braking_claims_no_more_than_that_it_is_ahead() -> None:
+    claims = claims_of_nothing()
+    assert claims.claimant(FORWARDER, SIGNER, 0.0) == SIGNER
+    assert claims.claimant(FORWARDER, None, 0.0) == PASSING_ON + FORWARDER
+
+
+def test_whoever_is_identified_vouches_three_times_for_signers_that_are_not_heard() -> None:
+    claims = claims_of_nothing()
+    for sequence, unknown in enumerate(UNKNOWN):
+        assert alarms(claims, unknown, sequence, 100.0 * sequence)
+    now = 100.0 * MOST_ALARMS
+    assert not alarms(claims, SIGNER, 100, now)
+    assert claims.claimant(FORWARDER, SIGNER, now) == SIGNER
+
+    claims.receive_identified({FORWARDER})
+
+    heard = []
+    for sequence in range(101, 101 + MOST_ALARMS + 1):
+        now += 100.0
+        heard.append(alarms(claims, claims.claimant(FORWARDER, SIGNER, now), sequence, now))
+    assert heard == [True] * MOST_ALARMS + [False]
+    assert alarms(claims, FORWARDER, 200, now + 100.0)
+
+
+def test_nobody_vouches_for_a_signer_that_is_ignored() -> None:
+    claims = claims_of_nothing()
+    for sequence in range(MOST_ALARMS):
+        assert alarms(claims, SIGNER, sequence, 100.0 * sequence)
+    claims.receive_identified({FORWARDER})
+
+    assert claims.claimant(FORWARDER, SIGNER, 1000.0) == SIGNER
+
+
+def test_a_braking_is_the_next_ones_claim_when_the_first_who_claimed_it_is_not_credible_now() -> (
+    None
+):
+    """An insider who passes it on first, and spends its alarms at once, hid it for that long."""
+    claims = claims_of_nothing()
+    claims.receive_warn(warn(ORIGIN, 900), PASSING_ON + FORWARDER, 0.0)
+    claims.receive_warning(lcca_warning(0.0, ORIGIN, 900))
+    for number in range(MOST_ALARMS):
+        claims.credibility.admit(
+            "ima", str(number), (PASSING_ON + FORWARDER,), 0.0, slows_traffic=False
+        )
+    claims.receive_identified({SIGNER})
+    reason = AlarmReason("warning", ORIGIN.hex(), 0.0)
+    assessment = Assessment(Level.WARNING, 6.0, (reason,))
+    assert not claims.admit(LCCA, assessment, 0.1)
+
+    claims.receive_warn(warn(ORIGIN, 900), PASSING_ON + SIGNER, 0.2)
+
+    assert claims.admit(LCCA, assessment, 0.2)
+
+
+def test_who_claims_many_brakings_displaces_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(alarm_claims, "_MAX_BRAKINGS", 4)
+    claims = claims_of_nothing()
+    claims.receive_warn(warn(ORIGIN, 1), SIGNER, 0.0)
+    for sequence in range(10):
+        claims.receive_warn(warn(b"evil" * 2, sequence), FORWARDER, 0.0)
+    claims.receive_warning(lcca_warning(0.0, ORIGIN, 1))
+    reason = AlarmReason("warning", ORIGIN.hex(), 0.0)
+
+    assert claims.admit(LCCA, Assessment(Level.WARNING, 6.0, (reason,)), 0.0)
+    assert SIGNER in claims.credibility._charges
+    assert NOBODY not in claims.credibility._charges

@@ -244,8 +244,8 @@ def charged(claims: AlarmClaims, now: float) -> dict[bytes, float]:
 
 def test_who_repeats_a_warning_is_not_charged_for_it() -> None:
     claims = claims_of()
-    claims.receive_warn(warn(1), ONE)
-    claims.receive_warn(warn(1), TWO)
+    claims.receive_warn(warn(1), ONE, 0.0)
+    claims.receive_warn(warn(1), TWO, 0.0)
     claims.receive_warning(lcca_warning(0.0, ORIGIN, 1))
     alarm(claims, 0.0)
     assert charged(claims, 0.0) == {ONE: 1.0}
@@ -254,8 +254,8 @@ def test_who_repeats_a_warning_is_not_charged_for_it() -> None:
 def test_a_braking_without_a_signer_is_charged_to_the_first_who_signs_it() -> None:
     claims = claims_of()
     claims.receive_warning(lcca_warning(0.0, ORIGIN, 1))
-    claims.receive_warn(warn(1), ONE)
-    claims.receive_warn(warn(2), TWO)
+    claims.receive_warn(warn(1), ONE, 0.0)
+    claims.receive_warn(warn(2), TWO, 0.0)
     alarm(claims, 0.0)
     assert charged(claims, 0.0) == {ONE: 1.0}
 
@@ -265,7 +265,7 @@ def test_as_many_brakings_are_kept_as_the_limit_says(monkeypatch: pytest.MonkeyP
     for brakings, payer in ((2, ONE), (3, alarm_claims.NOBODY)):
         claims = claims_of()
         for sequence in range(1, brakings + 1):
-            claims.receive_warn(warn(sequence), ONE)
+            claims.receive_warn(warn(sequence), ONE, 0.0)
         claims.receive_warning(lcca_warning(0.0, ORIGIN, 1))
         alarm(claims, 0.0)
         assert charged(claims, 0.0) == {payer: 1.0}
@@ -294,7 +294,7 @@ def test_a_closing_speed_confirms_up_to_its_greatest_sigma(
     host.receive_observation(Speed(0.0, 20.0, 0.28, "obd"))
     seen = Lead(0.0, LeadIdentity.UNKNOWN, None, 30.0, 0.5, 0.0, sigma_m_s, track_id=1)
     claims.receive_lead(seen, 0.0)
-    claims.receive_warn(warn(1), ONE)
+    claims.receive_warn(warn(1), ONE, 0.0)
     claims.receive_warning(lcca_warning(0.0, ORIGIN, 1))
     alarm(claims, 0.0)
     claims.receive_lead(replace(seen, closing_speed_m_s=5.0), 0.0)

@@ -8,6 +8,7 @@ from onboard.misbehaviour.signer_credibility import (
     HALF_LIFE_S,
     MOST_ALARMS,
     MOST_ALARMS_OF_UNIT,
+    PASSING_ON,
     SLOWED_M_S,
     SignerCredibility,
 )
@@ -173,7 +174,7 @@ def test_several_signers_share_a_charge() -> None:
 def test_of_several_signers_only_those_that_are_credible_pay() -> None:
     host = Host()
     for name in "abc":
-        host.claim(name)
+        host.claim(name, is_warning=False)
     assert [host.claim(name, LIAR, OTHER) for name in "defg"] == [1, 1, 0, 0]
 
 
@@ -197,22 +198,42 @@ def test_pseudonyms_by_turns_raise_as_many_false_alarms_as_one_signer() -> None:
     assert admitted == [1] * MOST_ALARMS + [0] * (20 - MOST_ALARMS)
 
 
-def test_in_the_best_order_they_raise_twice_as_many_in_three_hours() -> None:
+def test_in_any_other_order_they_raise_no_more() -> None:
+    """Three under the first, two under the second and one under the third were six."""
     host = Host()
 
     admitted = [host.claim(f"{n}{s.hex()}", s) for s in PSEUDONYMS for n in range(MOST_ALARMS)]
-    host.pause(3.0 * HOUR_S)
 
-    assert sum(admitted) == 2 * MOST_ALARMS
+    assert sum(admitted) == MOST_ALARMS
+    host.pause(HOUR_S)
     assert host.claim("later", PSEUDONYMS[9]) == 0
 
 
-def test_a_liar_with_one_certificate_costs_the_others_no_alarm() -> None:
+def test_who_lies_as_a_forwarder_is_ignored_as_a_forwarder_and_reported_by_its_certificate() -> (
+    None
+):
     host = Host()
     for name in "abc":
-        host.claim(name)
+        host.claim(name, PASSING_ON + LIAR)
 
-    assert [host.claim(signer.hex(), signer) for signer in PSEUDONYMS[:2]] == [1, 1]
+    assert host.credibility.is_ignored(PASSING_ON + LIAR, host.now)
+    assert not host.credibility.is_ignored(LIAR, host.now)
+    event = host.credibility.next_event()
+    assert event is not None
+    assert event.signer_id == LIAR
+
+
+def test_of_cautions_they_raise_eleven() -> None:
+    """A caution counts a fifth against others, in the best order."""
+    host = Host()
+
+    admitted = [
+        host.claim(f"{n}{s.hex()}", s, is_warning=False)
+        for s in PSEUDONYMS
+        for n in range(MOST_ALARMS)
+    ]
+
+    assert sum(admitted) == 11
 
 
 def test_a_stranger_is_heard_again_when_the_charges_have_decayed() -> None:

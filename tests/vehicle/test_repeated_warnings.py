@@ -137,11 +137,10 @@ def test_who_claims_a_braking_is_charged_though_another_repeats_it() -> None:
     assert ignored(platoon, "CCC3") == {leader}
 
 
-def test_a_true_braking_elsewhere_that_is_passed_on_is_charged_to_nobody_by_name() -> None:
+def pass_on_from_elsewhere(platoon: Platoon, insider: Insider, times: int) -> None:
     """An insider passes on each braking of an honest vehicle in another group."""
-    platoon, insider = driven(beacons=False), Insider()
     honest = Insider(plate="DDD4")
-    for sequence in range(900, 900 + 2 * MOST_ALARMS):
+    for sequence in range(900, 900 + times):
         own, other = insider.pseudonym(platoon.now), honest.pseudonym(platoon.now)
         true = braking(other.car_id, other.car_id, sequence)
         copy = replace(true, sender_id=own.car_id, leader_id=car_id(platoon, "AAA1"), hops=2)
@@ -149,11 +148,35 @@ def test_a_true_braking_elsewhere_that_is_passed_on_is_charged_to_nobody_by_name
         platoon.receive("CCC3", insider.wsm(copy, platoon.now, origin=signed))
         platoon.drive(12.0)
 
+
+def test_a_true_braking_elsewhere_is_charged_to_whoever_passes_it_on() -> None:
+    platoon, insider = driven(beacons=False), Insider()
+    forwarder = insider.pseudonym(platoon.now).credential
+    assert forwarder is not None
+
+    pass_on_from_elsewhere(platoon, insider, 2 * MOST_ALARMS)
+
     assert len(list(platoon.events_of("CCC3", "warning"))) == MOST_ALARMS
-    assert ignored(platoon, "CCC3") == {b""}
+    assert ignored(platoon, "CCC3") == {forwarder.certificate.hashed_id8}
     platoon.drive(1.0)
     brakes(platoon, "AAA1")
     platoon.drive(0.3)
+    assert len(list(platoon.events_of("CCC3", "warning"))) == MOST_ALARMS + 1
+
+
+def test_who_passes_on_what_is_elsewhere_silences_no_other_forwarder() -> None:
+    """The leader changes, so that its braking is stated for another group than the follower's."""
+    platoon = driven(beacons=False)
+    pass_on_from_elsewhere(platoon, Insider(), MOST_ALARMS)
+    lead = Insider(plate="BBB2")
+    origin, own = Insider(plate="DDD4").pseudonym(platoon.now), lead.pseudonym(platoon.now)
+    true = braking(origin.car_id, origin.car_id, 950)
+    copy = replace(true, sender_id=own.car_id, leader_id=car_id(platoon, "AAA1"), hops=2)
+    signed = secured_in(Insider(plate="DDD4").wsm(true, platoon.now))
+
+    platoon.receive("CCC3", lead.wsm(copy, platoon.now, origin=signed))
+    platoon.settle()
+
     assert len(list(platoon.events_of("CCC3", "warning"))) == MOST_ALARMS + 1
 
 
