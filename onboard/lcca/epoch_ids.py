@@ -3,9 +3,8 @@
 Clocks differ, so other cars use the IDs of the next epoch before the own clock does, and those of
 the previous one after it. Whoever knows a plate derives all of its IDs. A leader several cars ahead
 is known by its present ID only; its next one comes with the replies of the predecessor, masked by
-a secret that follows from the predecessor's plate. By the same secret the follower masks its own
-previous ID in its joins. A listener without the plate cannot link two IDs, not even once both have
-been sent.
+a secret that follows from the predecessor's plate. A listener without the plate cannot link the two
+IDs, not even once both have been sent.
 """
 
 import hashlib
@@ -13,7 +12,7 @@ import hmac
 from dataclasses import replace
 from typing import NamedTuple
 
-from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Join, Reply
+from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Reply
 from onboard.security.plate_digest import PlateDigest
 
 ADJACENT_S = 5.0
@@ -72,38 +71,35 @@ class EpochIds:
             return None
         return self._digest.car_id(self._own_plate, ends_at_utc_s)
 
-    def to_send(self, message: GroupMessage, lead_text: str | None, utc_s: float) -> GroupMessage:
+    def to_send(self, message: GroupMessage, utc_s: float) -> GroupMessage:
         """Return an own message with the IDs of other epochs masked.
 
         Args:
             message: in clear.
-            lead_text: plate of the lead, if it is known.
             utc_s: seconds since 1970.
         """
-        return self._masked(message, self._own_plate, lead_text, utc_s)
+        return self._masked(message, self._own_plate, utc_s)
 
     def received(self, message: GroupMessage, lead_text: str | None, utc_s: float) -> GroupMessage:
         """Return a received message with the IDs of other epochs in clear.
 
-        Those that cannot be read become `NO_ID`. Arguments as of `to_send`.
-        """
-        return self._masked(message, lead_text, self._own_plate, utc_s)
+        Those that cannot be read become `NO_ID`.
 
-    def _masked(
-        self, message: GroupMessage, replies: str | None, is_joined: str | None, utc_s: float
-    ) -> GroupMessage:
-        """Mask, or unmask, by the plate of the car that replies or is joined."""
-        match message:
-            case Reply():
-                secret = self._secret(replies, message.sender_id, utc_s)
-                next_id = _xor(message.next_leader_id, message.leader_id, secret)
-                return replace(message, next_leader_id=next_id)
-            case Join():
-                secret = self._secret(is_joined, message.to_id, utc_s)
-                previous_id = _xor(message.previous_id, message.sender_id, secret)
-                return replace(message, previous_id=previous_id)
-            case _:
-                return message
+        Args:
+            message: masked.
+            lead_text: plate of the lead, if it is known.
+            utc_s: seconds since 1970.
+        """
+        return self._masked(message, lead_text, utc_s)
+
+    def _masked(self, message: GroupMessage, plate: str | None, utc_s: float) -> GroupMessage:
+        """Mask, or unmask, by the plate of the car that replies."""
+        if not isinstance(message, Reply):
+            return message
+        secret = self._secret(plate, message.sender_id, utc_s)
+        return replace(
+            message, next_leader_id=_xor(message.next_leader_id, message.leader_id, secret)
+        )
 
     def _secret(self, plate_text: str | None, car_id: CarId, utc_s: float) -> bytes | None:
         """Return the secret of the plate's epoch in which `car_id` is its ID, near the present."""

@@ -69,8 +69,6 @@ class BrakingStatement:
     warn: Warn
     signer_id: bytes | None
     """HashedId8 of the braking car's certificate."""
-    made_at_s: float
-    """When that car knew of the state, by its clock, as a time of the cores."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,12 +38,6 @@ class Followers:
         self._until.move_to_end(car_id)
         return was_empty
 
-    def rename(self, old_id: CarId, new_id: CarId) -> None:
-        """Take the new ID of a follower, which comes last."""
-        until = self._until.pop(old_id, None)
-        if until is not None and new_id not in self._until:
-            self._until[new_id] = until
-
     def remove(self, car_id: CarId) -> bool:
         """Remove a follower that has left. Return whether it was the last one."""
         return self._until.pop(car_id, None) is not None and not self._until

@@ -1,4 +1,4 @@
-"""Which member repeats an update or a warning, decided from group numbers without positions.
+"""Which member repeats a warning, decided from group numbers without positions.
 
 The LCCA paper mentions such a scheme and omits it; this one is ours.
 
@@ -11,11 +11,15 @@ vehicle without followers never repeats; if it is the designated forwarder it ac
 instead, which cancels the others' copies too. If every designated forwarder receives its copy, the
 copies are those of a shortest path down the group, which is the minimum.
 
-Reliability (warnings only). A warned member advances the next refresh of its membership and names
+Reliability. A warned member advances the next refresh of its membership and names
 the warning in it, so the acknowledgement is a message that was due anyway. A vehicle repeats the
 warning while a follower has not acknowledged it, a bounded number of times, at times with a random
 part: two vehicles that do not hear each other would collide each time. A newer warning of the same
 vehicle replaces the older one.
+
+Whoever sends a copy chooses its age, numbers and reach. So a copy never takes the place of one that
+is known: it tells only that somebody has repeated it, which may delay the own repetition until
+acknowledgements are checked.
 """
 
 import math
@@ -27,17 +31,18 @@ import numpy as np
 from onboard.lcca.followers import Followers
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import CarId, Update, Warn, WarnCause
+from onboard.messages.lcca import CarId, Warn, WarnCause
 
 EventId = tuple[CarId, int]
 """ID of the vehicle that started it, and its event sequence number."""
 
-_Statement = tuple[EventId, type[Update] | type[Warn], CarId | None, int, int]
-"""What all copies of a message have in common."""
+_Statement = tuple[EventId, int, bool]
+"""What all copies of a warning have in common: event, first sequence number, and whether it is the
+end. Whoever uses a number ahead of its vehicle states something else."""
 
 SAME_STATEMENT_S = 0.5
-"""Largest difference between the times of two copies of a warning. Its vehicle sends the next one
-after `warn_refresh_s`; a copy may wait for the radio."""
+"""By which a copy of a known warning may seem newer than it, and one of an older warning too. Its
+vehicle sends the next one after `warn_refresh_s`; a copy may wait for the radio."""
 
 _EARLY_S = 0.5
 """An acknowledgement comes so long before the acknowledged message at most."""
@@ -49,20 +54,21 @@ _MAX_EARLY_ACKNOWLEDGEMENTS = 32
 """Stored acknowledgements of messages that were not received yet."""
 
 _MAX_MESSAGES = 64
-"""Stored messages of others. Only an attacker makes a group have more."""
+"""Stored warnings of others. Only an attacker makes a group have more."""
 
 
-def event_of(message: Update | Warn) -> EventId:
-    """Return the ID of the event, which all copies of one message share."""
-    return message.event_origin_id, message.event_sequence
+def event_of(warn: Warn) -> EventId:
+    """Return the ID of the event, which all copies of one warning share."""
+    return warn.event_origin_id, warn.event_sequence
 
 
-def _statement_of(message: Update | Warn) -> _Statement:
-    """Return what is stated: whoever uses a number ahead of its vehicle states something else."""
-    event = event_of(message)
-    if isinstance(message, Update):
-        return event, Update, message.leader_id, message.shift, message.leader_sequence
-    return event, Warn, None, message.first_sequence, int(message.cause is WarnCause.OVER)
+def _statement_of(warn: Warn) -> _Statement:
+    return event_of(warn), warn.first_sequence, warn.cause is WarnCause.OVER
+
+
+def _made_at(warn: Warn, now: float) -> float:
+    """Return when what is stated began: as its vehicle has signed, or else as the copy says."""
+    return now - warn.age_s if warn.stated_at_s is None else warn.stated_at_s
 
 
 def reach_of_cause(cause: WarnCause | int, reach: int) -> int:
@@ -106,13 +112,18 @@ class Reach:
 
 @dataclass(slots=True)
 class _Message:
-    """An update or a warning that was received or started, and what this vehicle still does."""
+    """A warning that was received or started, and what this vehicle still does."""
 
-    message: Update | Warn
-    """The copy that was received, or the original."""
+    warn: Warn
+    """The copy that was received first, or the original."""
+    made_at: float
     received_at: float
+    origin_ahead: int
+    """How many vehicles ahead the braking one is."""
     distance: int
     """To the nearest sender ahead of whom a copy was received; 0: this vehicle started it."""
+    reach: int
+    """That this sender named."""
     repeat_at: float
     """When to repeat it unless a vehicle farther behind repeats before; infinite: never."""
     check_at: float
@@ -125,7 +136,7 @@ class _Message:
 
 
 class Forwarding:
-    """Decides when this vehicle repeats updates and warnings."""
+    """Decides when this vehicle repeats warnings."""
 
     def __init__(
         self,
@@ -135,7 +146,7 @@ class Forwarding:
         reach: Reach,
         rng: np.random.Generator,
     ) -> None:
-        """Start without messages.
+        """Start without warnings.
 
         Args:
             parameters: times and limits of the warning group.
@@ -154,48 +165,44 @@ class Forwarding:
             maxlen=_MAX_EARLY_ACKNOWLEDGEMENTS
         )
 
-    def is_duplicate(self, message: Update | Warn, now: float) -> bool:
-        """Whether a copy was received before, or this vehicle started it."""
-        entry = self._messages.get(_statement_of(message))
-        if entry is None or not isinstance(message, Warn) or not isinstance(entry.message, Warn):
-            return entry is not None
-        made_at, known_at = now - message.age_s, entry.received_at - entry.message.age_s
-        return abs(made_at - known_at) <= SAME_STATEMENT_S
+    def is_duplicate(self, warn: Warn, now: float) -> bool:
+        """Whether a copy was received before that is as new, or this vehicle started it."""
+        entry = self._messages.get(_statement_of(warn))
+        return entry is not None and _made_at(warn, now) <= entry.made_at + SAME_STATEMENT_S
 
-    def originate(self, message: Update | Warn, now: float) -> None:
-        """Start the message; the caller sends its first copy now."""
-        self._store(message, 0, math.inf, now)
+    def originate(self, warn: Warn, now: float) -> None:
+        """Start the warning; the caller sends its first copy now."""
+        self._store(warn, 0, math.inf, now)
 
-    def receive_first(self, message: Update | Warn, distance: int, now: float) -> None:
+    def receive_first(self, warn: Warn, distance: int, now: float) -> None:
         """Take a first copy.
 
         Args:
-            message: the copy.
+            warn: the copy.
             distance: how many vehicles ahead its sender is; negative: behind.
             now: seconds on the cores' clock.
         """
-        repeat_at = now + self._wait_s(message.reach, distance, now) if distance > 0 else math.inf
-        self._store(message, distance, repeat_at, now)
+        repeat_at = now + self._wait_s(warn.reach, distance, now) if distance > 0 else math.inf
+        self._store(warn, distance, repeat_at, now)
 
-    def receive_duplicate(self, message: Update | Warn, distance: int, now: float) -> None:
+    def receive_duplicate(self, warn: Warn, distance: int, now: float) -> None:
         """Take another copy; arguments as in `receive_first`."""
-        entry = self._messages[_statement_of(message)]
+        entry = self._messages[_statement_of(warn)]
         if entry.repeat_at == math.inf:
             return
         if distance <= 0:
             entry.repeat_at = math.inf
         elif distance < entry.distance:
-            entry.message, entry.distance = message, distance
-            entry.received_at = now
-            entry.repeat_at = now + self._wait_s(message.reach, distance, now)
+            entry.distance, entry.reach = distance, warn.reach
+            entry.repeat_at = now + self._wait_s(warn.reach, distance, now)
 
-    def receive_late(self, message: Warn, distance: int, now: float) -> None:
+    def receive_late(self, warn: Warn, distance: int, now: float) -> None:
         """Take a warning that is accepted some time after its reception.
 
         The other members had their turn to repeat it. Followers that do not acknowledge it get it.
         Arguments as in `receive_first`.
         """
-        self._store(message, distance, math.inf, now)
+        self._store(warn, distance, math.inf, now)
 
     def add_recipient(self, car_id: CarId, now: float, *, is_close: bool) -> None:
         """Send a new follower, after its reply, the warnings of brakings that last.
@@ -208,31 +215,18 @@ class Forwarding:
                 left the lane, and only its own braking concerns the follower.
         """
         for entry in self._messages.values():
-            if not isinstance(entry.message, Warn) or entry.message.cause is WarnCause.OVER:
+            if entry.warn.cause is WarnCause.OVER or (entry.distance != 0 and not is_close):
                 continue
-            if entry.distance != 0 and not is_close:
-                continue
-            age_s = entry.message.age_s + now - entry.received_at
+            age_s = entry.warn.age_s + now - entry.received_at
             if not entry.is_replaced and age_s <= self._parameters.event_lifetime_s:
                 entry.unacknowledged.add(car_id)
                 entry.repeats_left = self._parameters.warn_repeats
                 if entry.check_at == math.inf:
                     entry.check_at = now + self._parameters.slot_s + self._spread_s()
 
-    def rename(self, old_id: CarId, new_id: CarId) -> None:
-        """Take the new ID of a follower."""
-        for entry in self._messages.values():
-            if old_id in entry.unacknowledged:
-                entry.unacknowledged.remove(old_id)
-                entry.unacknowledged.add(new_id)
-
-    def drop_own_warnings(self) -> None:
+    def drop_own(self) -> None:
         """Drop the own warnings: their name is that of the last epoch."""
-        self._messages = {
-            key: each
-            for key, each in self._messages.items()
-            if each.distance != 0 or isinstance(each.message, Update)
-        }
+        self._messages = {key: each for key, each in self._messages.items() if each.distance != 0}
 
     def drop_others(self) -> None:
         """Drop all that other vehicles started: this vehicle has left their group."""
@@ -256,19 +250,19 @@ class Forwarding:
             self._early_acknowledgements.append((event, car_id, now))
         for entry in entries:
             entry.unacknowledged.discard(car_id)
-            if behind == entry.message.reach - entry.distance:
+            if behind == entry.reach - entry.distance:
                 entry.repeat_at = math.inf
 
-    def is_last_forwarder(self, message: Update | Warn, distance: int) -> bool:
+    def is_last_forwarder(self, warn: Warn, distance: int) -> bool:
         """Whether this vehicle is the designated forwarder and has no follower to repeat it to."""
-        return message.reach == distance and not self._followers
+        return warn.reach == distance and not self._followers
 
     def get_timer(self) -> float:
         """When a copy may be due; infinite if none is planned."""
         due = (min(entry.repeat_at, entry.check_at) for entry in self._messages.values())
         return min(due, default=math.inf)
 
-    def copies_to_send(self, *, is_member: bool, now: float) -> list[Update | Warn]:
+    def copies_to_send(self, *, is_member: bool, now: float) -> list[Warn]:
         """Return the copies that are due, with this vehicle's present leader and number.
 
         Args:
@@ -283,27 +277,22 @@ class Forwarding:
         copies = (self._copy(entry, now) for entry in due if entry.distance == 0 or is_member)
         return [copy for copy in copies if copy is not None]
 
-    def _copy(self, entry: _Message, now: float) -> Update | Warn | None:
-        reach = self._reach.distance(now)
-        message, (sender_id, leader_id, number) = entry.message, self._position.header
-        if isinstance(message, Update):
-            if message.leader_id != leader_id:
-                return None
-            return replace(message, sender_id=sender_id, number=number, reach=reach)
-        age_s = message.age_s + (now - entry.received_at)
+    def _copy(self, entry: _Message, now: float) -> Warn | None:
+        warn, (sender_id, leader_id, number) = entry.warn, self._position.header
+        age_s = warn.age_s + (now - entry.received_at)
         # Since it was received, this vehicle and the braking one may have been renumbered.
-        origin_number = message.origin_number + number - (message.number + entry.distance)
+        origin_number = number - entry.origin_ahead
         if age_s > self._parameters.event_lifetime_s or origin_number < 1:
             return None
         return replace(
-            message,
+            warn,
             sender_id=sender_id,
             leader_id=leader_id,
             number=number,
-            reach=reach_of_cause(message.cause, reach),
+            reach=reach_of_cause(warn.cause, self._reach.distance(now)),
             origin_number=origin_number,
             age_s=age_s,
-            hops=min(message.hops + (entry.distance != 0), 255),
+            hops=min(warn.hops + (entry.distance != 0), 255),
         )
 
     def _take_repeat(self, entry: _Message, now: float) -> bool:
@@ -311,11 +300,7 @@ class Forwarding:
         if now < entry.repeat_at:
             return False
         entry.repeat_at = math.inf
-        return (
-            bool(entry.unacknowledged)
-            if isinstance(entry.message, Warn)
-            else len(self._followers) > 0
-        )
+        return bool(entry.unacknowledged)
 
     def _take_check(self, entry: _Message, now: float) -> bool:
         """Take the check that is due, and plan the next; return whether to repeat it again."""
@@ -329,24 +314,25 @@ class Forwarding:
         entry.repeats_left -= 1
         return True
 
-    def _store(self, message: Update | Warn, distance: int, repeat_at: float, now: float) -> None:
-        event = event_of(message)
+    def _store(self, warn: Warn, distance: int, repeat_at: float, now: float) -> None:
+        event = event_of(warn)
         unacknowledged = set(self._followers.ids)
         unacknowledged -= {
             car_id
             for acknowledged, car_id, at in self._early_acknowledgements
             if acknowledged == event and now - at <= _EARLY_S
         }
-        check_at = math.inf
-        if isinstance(message, Warn):
-            check_at = now + self._parameters.acknowledge_s + self._spread_s()
-            self._replace(message.event_origin_id)
-        self._messages[_statement_of(message)] = _Message(
-            message,
+        made_at = _made_at(warn, now)
+        self._replace(warn.event_origin_id, made_at)
+        self._messages[_statement_of(warn)] = _Message(
+            warn,
+            made_at,
             now,
+            warn.number + distance - warn.origin_number,
             distance,
+            warn.reach,
             repeat_at,
-            check_at,
+            now + self._parameters.acknowledge_s + self._spread_s(),
             self._parameters.warn_repeats,
             unacknowledged,
         )
@@ -358,10 +344,13 @@ class Forwarding:
         for key in others[:-_MAX_MESSAGES]:
             del self._messages[key]
 
-    def _replace(self, origin_id: CarId) -> None:
-        """Repeat the stored warnings of that vehicle no more."""
+    def _replace(self, origin_id: CarId, made_at: float) -> None:
+        """Repeat the older warnings of that vehicle no more."""
         for entry in self._messages.values():
-            if isinstance(entry.message, Warn) and entry.message.event_origin_id == origin_id:
+            if (
+                entry.warn.event_origin_id == origin_id
+                and entry.made_at <= made_at + SAME_STATEMENT_S
+            ):
                 entry.repeat_at = entry.check_at = math.inf
                 entry.is_replaced = True
 

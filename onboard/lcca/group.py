@@ -7,15 +7,14 @@ decides the state in the group. docs/design/lcca.md states what the paper leaves
 """
 
 from collections import deque
-from collections.abc import Mapping
 
 import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
-from onboard.lcca.acceptance import update_refusal, warn_refusal
+from onboard.lcca.acceptance import warn_refusal
 from onboard.lcca.active_warnings import ActiveWarnings
-from onboard.lcca.adjacent_ids import AdjacentIds
+from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
 from onboard.lcca.events import (
     MeasuredLead,
     Transition,
@@ -134,7 +133,8 @@ class WarningGroup(Core):
                 self._adjacent_ids.receive_next(lead.car_id, lead.next_id)
             if lead.previous_id is not None:
                 self._adjacent_ids.receive_previous(lead.car_id, lead.previous_id)
-                self._rename({lead.previous_id: lead.car_id})
+                names = {lead.previous_id: lead.car_id}
+                self._rename(Renamed(names, names))
         self._lead_monitor.receive_lead(lead, now, is_unknown=is_unknown)
         self._membership.receive_frame(self._position.own_id, now)
         self._join_if_due(now)
@@ -163,17 +163,17 @@ class WarningGroup(Core):
         """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
         self._event_sequence = int(self._rng.integers(_SEQUENCES))
-        self._forwarding.drop_own_warnings()
+        self._forwarding.drop_own()
         self._own_braking.rename(car_id, now)
         self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
         self._membership.change_sequence()
         self._membership.join_soon(now)
 
-    def _rename(self, names: Mapping[CarId, CarId]) -> None:
-        self._position.rename(names)
-        self._lead_monitor.rename(names)
-        self._membership.rename(names)
-        self._active_warnings.rename(names)
+    def _rename(self, names: Renamed) -> None:
+        self._position.rename(names.leaders)
+        self._lead_monitor.rename(names.cars)
+        self._membership.rename(names.cars)
+        self._active_warnings.rename(names.cars)
 
     def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
@@ -238,8 +238,7 @@ class WarningGroup(Core):
         if join is None:
             return
         acknowledged = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
-        previous_id = self._adjacent_ids.previous_own(now)
-        self._outbox.append(Join(*self._position.header, *join, *acknowledged, previous_id))
+        self._outbox.append(Join(*self._position.header, *join, *acknowledged))
         if self._to_acknowledge:
             self._membership.join_soon(now)
 
@@ -265,7 +264,7 @@ class WarningGroup(Core):
         newer = not forms_loop and self._position.is_newer(reply.leader_id, reply.leader_sequence)
         self._membership.receive_reply(reply, newer=newer, now=now)
         if NO_ID != reply.next_leader_id != self._position.own_id:
-            self._adjacent_ids.receive_next(reply.leader_id, reply.next_leader_id)
+            self._adjacent_ids.receive_next_leader(reply.leader_id, reply.next_leader_id)
         if self._to_acknowledge:
             self._membership.join_soon(now)
         if joins and followed is not None:
@@ -318,9 +317,6 @@ class WarningGroup(Core):
 
     def _receive_join(self, join: Join, now: float) -> None:
         is_for_us = join.to_id == self._position.own_id
-        if is_for_us and join.previous_id != NO_ID:
-            self._followers.rename(join.previous_id, join.sender_id)
-            self._forwarding.rename(join.previous_id, join.sender_id)
         if is_for_us and join.sender_id not in self._followers:
             is_close = self._lead_monitor.shows_close(self._membership.predecessor)
             self._forwarding.add_recipient(join.sender_id, now, is_close=is_close)
@@ -354,51 +350,26 @@ class WarningGroup(Core):
     def _announce(self, before: tuple[CarId, int], now: float) -> None:
         """Send an update if the own position has changed and there are followers."""
         position = self._position
-        leader_before, number_before = before
-        shift = number_before - position.number
-        is_renamed = shift == 0 and self._adjacent_ids.is_changing(now)
-        if before == position.in_group or is_renamed or not self._followers:
-            return
-        update = Update(
-            *position.header,
-            event_origin_id=position.own_id,
-            event_sequence=self._next_event_sequence(),
-            reach=self._reach.distance(now),
-            previous_leader_id=leader_before,
-            shift=shift,
-            leader_sequence=position.leader_sequence,
-        )
-        self._outbox.append(update)
-        self._forwarding.originate(update, now)
+        is_renamed = before[1] == position.number and self._adjacent_ids.is_changing(now)
+        if before != position.in_group and not is_renamed and self._followers:
+            self._outbox.append(Update(*position.header, position.leader_sequence))
 
     def _receive_update(self, update: Update, now: float) -> None:
-        position = self._position
-        if self._forwarding.is_duplicate(update, now):
-            if update.leader_id == position.leader_id:
-                self._forwarding.receive_duplicate(update, position.number - update.number, now)
-            self._discard("duplicate", update, now)
+        """Follow the predecessor, and nobody else, to another position."""
+        if not self._is_from_predecessor(update):
             return
-        from_predecessor = self._is_from_predecessor(update)
-        number = update.number + 1 if from_predecessor else position.number - update.shift
-        refusal = update_refusal(
-            update, number, self._state, position, from_predecessor=from_predecessor, now=now
-        )
-        if refusal is not None:
-            self._discard(refusal, update, now)
-            return
-        if position.is_newer(update.leader_id, update.leader_sequence):
-            self._membership.receive_leader_sequence(now)
-        before = position.in_group
-        self._move((update.leader_id, number), update.leader_sequence, None, "update", now)
-        if before == (update.previous_leader_id, number + update.shift):
-            distance = number - update.number
-            if self._forwarding.is_last_forwarder(update, distance):
-                self._acknowledge(update, distance, now)
-            self._forwarding.receive_first(update, distance, now)
-            self._forward_if_due(now)
-        else:  # The followers' shift differs from the one in the update: send an own update.
+        before, moved = self._position.in_group, (update.leader_id, update.number + 1)
+        sequence = update.leader_sequence
+        if moved == before:
+            self._discard("up_to_date", update, now)
+        elif self._position.forms_loop(*moved, sequence, now):
+            self._discard("loop", update, now)
+        else:
+            if self._position.is_newer(update.leader_id, sequence):
+                self._membership.receive_leader_sequence(now)
+            self._move(moved, sequence, None, "update", now)
             self._announce(before, now)
-        self._judge_again(now)
+            self._judge_again(now)
 
     def _receive_warn(self, warn: Warn, now: float) -> None:
         from_predecessor = self._is_from_predecessor(warn)
@@ -477,11 +448,11 @@ class WarningGroup(Core):
             self._outbox.append(warn)
         self._forwarding.originate(warn, now)
 
-    def _acknowledge(self, message: Update | Warn, distance: int, now: float) -> None:
-        """Name the message in the next join, and advance that join."""
-        if event_of(message) not in self._to_acknowledge:
-            self._to_acknowledge.append(event_of(message))
-        if self._forwarding.is_last_forwarder(message, distance):
+    def _acknowledge(self, warn: Warn, distance: int, now: float) -> None:
+        """Name the warning in the next join, and advance that join."""
+        if event_of(warn) not in self._to_acknowledge:
+            self._to_acknowledge.append(event_of(warn))
+        if self._forwarding.is_last_forwarder(warn, distance):
             self._membership.join_at_once(now)
             self._join_if_due(now)
         else:

@@ -7,21 +7,23 @@ from dataclasses import replace
 from onboard.messages.lcca import CarId, Warn
 
 MAX_WARNINGS = 16
-"""Warnings stored, one of each braking vehicle; the one stored first is dropped."""
+"""Warnings stored, one of each braking vehicle by each sender: whoever sends a copy chooses its age
+and numbers. The one stored first is dropped."""
 
 
 class RefusedWarnings:
-    """The newest warning of each vehicle, and when it was received."""
+    """The newest warning of each vehicle by each sender, and when it was received."""
 
     def __init__(self, lifetime_s: float) -> None:
         """Store each warning until it is `lifetime_s` old."""
         self._lifetime_s = lifetime_s
-        self._warnings: OrderedDict[CarId, tuple[Warn, float]] = OrderedDict()
+        self._warnings: OrderedDict[tuple[CarId, CarId], tuple[Warn, float]] = OrderedDict()
 
     def receive_warn(self, warn: Warn, now: float) -> None:
         """Store a warning that was refused."""
-        self._warnings[warn.event_origin_id] = (warn, now)
-        self._warnings.move_to_end(warn.event_origin_id)
+        names = warn.event_origin_id, warn.sender_id
+        self._warnings[names] = (warn, now)
+        self._warnings.move_to_end(names)
         if len(self._warnings) > MAX_WARNINGS:
             self._warnings.popitem(last=False)
 

@@ -2,9 +2,9 @@
 
 Inquiry and Answer precede the group: they find out which car is the lead. Every other message has
 its sender, leader and group number: each car computes from all received messages how far behind in
-the group its radio reaches. Join, Reply and Leave go one hop, to the car they name. Update and Warn
-go to all cars behind in the group, over several hops; `sender_id` is then the car that forwards,
-and `event_*` identifies the event of which it is a copy.
+the group its radio reaches. Join, Reply and Leave go one hop, to the car they name, and Update to
+those that follow its sender. Warn goes to all cars behind in the group, over several hops;
+`sender_id` is then the car that forwards, and `event_*` identifies the event of which it is a copy.
 
 On the wire: one byte version, one byte type, the proof of the sender's ID, then the fields; after
 those of a repeated Warn, what the braking car signed.
@@ -19,7 +19,7 @@ from onboard.errors import DecodeError
 from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, SequenceOf, Unsigned
 from onboard.messages.record import Record
 
-VERSION = 3
+VERSION = 4
 
 SIBLING_BYTES, MAX_PROOF = 12, 16
 """Size and greatest number of the siblings in a proof (`onboard/security/id_commitment.py`)."""
@@ -75,9 +75,6 @@ class Join:
     acknowledged_origin_id: _CarId
     """With `acknowledged_sequence`: the warning that the sender acknowledges; zero if none."""
     acknowledged_sequence: _Sequence
-    previous_id: _CarId
-    """The sender's ID of the previous epoch, masked (`onboard/lcca/epoch_ids.py`); `NO_ID` if
-    others do not use it any more."""
 
     def without_acknowledgement(self) -> Self:
         """Return the same join without acknowledging a warning."""
@@ -122,7 +119,7 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """`M_update`: the cars behind the sender change to another group and are renumbered."""
+    """`M_update`: the sender has another leader or number; its followers change theirs."""
 
     kind: ClassVar[str] = "update"
     code: ClassVar[int] = 4
@@ -130,14 +127,8 @@ class Update:
     sender_id: _CarId
     leader_id: _CarId
     number: _GroupNumber
-    event_origin_id: _CarId
-    event_sequence: _Sequence
-    reach: Annotated[int, Unsigned(16)]
-    """Position behind the sender of the car that is to forward this, in cars; 0: unknown."""
-    previous_leader_id: _CarId
-    shift: Annotated[int, FixedPoint(16, 1, "cars", lowest=-32767, highest=32767)]
-    """Previous number less present number, the same for all cars."""
     leader_sequence: Annotated[int, Unsigned(16)]
+    """As in `Reply`."""
 
 
 class WarnCause(Enum):
@@ -171,7 +162,7 @@ class Warn:
     event_origin_id: _CarId
     event_sequence: _Sequence
     reach: Annotated[int, Unsigned(16)]
-    """As in `Update`."""
+    """Position behind the sender of the car that is to forward this, in cars; 0: unknown."""
     origin_number: _GroupNumber
     """Group number of the braking car, as the sender of this copy counts it now."""
     first_sequence: _Sequence
@@ -186,6 +177,9 @@ class Warn:
     """1 in the copy that the braking car sends."""
     origin: bytes = field(default=b"", repr=False, compare=False)
     """What the braking car signed, which follows the fields of a copy; empty in its own."""
+    stated_at_s: float | None = field(default=None, compare=False)
+    """When the braking car knew of this state by its clock, as a time of the cores; `None` if it
+    has not signed it."""
 
     @property
     def is_direct(self) -> bool:

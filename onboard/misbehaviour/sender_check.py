@@ -9,7 +9,7 @@ who drives in the opposite direction is in no group of this one.
 
 import math
 
-from onboard.messages.lcca import CarId, GroupMessage, Leave, Update, Warn, WarnCause
+from onboard.messages.lcca import CarId, GroupMessage, Leave, Warn, WarnCause
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
 
 OPPOSITE_RAD = 2.1
@@ -49,6 +49,6 @@ def sender_violation(
             names = (message.sender_id,)
         case Warn(cause=WarnCause.OVER) if is_predecessor and predecessor_signer is None:
             names = (message.sender_id,)
-        case Warn() | Update() if not is_predecessor:
+        case Warn() if not is_predecessor:
             names = (message.sender_id, message.leader_id, message.event_origin_id)
     return None if all(map(misbehaviour.is_id_unique, names)) else "claimed_by_two"

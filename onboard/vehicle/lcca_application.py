@@ -152,8 +152,7 @@ class LccaApplication:
             case _ if signer is not None and self._refuses(message, signer, heading_rad, now):
                 pass
             case lcca.Warn():
-                if stated is not None:
-                    message = _aged(message, stated, now)
+                message = _aged(message, now)
                 claimant = self._claimant(signer, stated, now)
                 if self._is_ignored(message, claimant, now):
                     sender = message.sender_id.hex()
@@ -181,7 +180,7 @@ class LccaApplication:
     def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
         """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
         messages: list[lcca.LccaMessage] = [
-            self._epoch_ids.to_send(message, self._lead_text, self._utc_s(now))
+            self._epoch_ids.to_send(message, self._utc_s(now))
             for message in self.group.messages_to_send(now)
         ]
         return messages + self.identification.messages_to_send()
@@ -265,7 +264,8 @@ class LccaApplication:
         self._events.append(Discarded(now, "lcca", reason, detail))
 
 
-def _aged(copy: lcca.Warn, stated: BrakingStatement, now: float) -> lcca.Warn:
-    """Return a copy at least as old as what its braking vehicle signed, whatever clocks say."""
-    least_s = now - stated.made_at_s - CLOCK_TOLERANCE_S
-    return replace(copy, age_s=max(copy.age_s, least_s))
+def _aged(warn: lcca.Warn, now: float) -> lcca.Warn:
+    """Return a warning at least as old as its vehicle has signed it, by clocks that may differ."""
+    if warn.is_direct or warn.stated_at_s is None:
+        return warn
+    return replace(warn, age_s=max(warn.age_s, now - warn.stated_at_s - CLOCK_TOLERANCE_S))

@@ -104,17 +104,19 @@ class LccaLink:
         if not isinstance(message, Warn) or not self._security.verifies:
             return message, None
         if message.is_direct:
-            self._keep(_Statement(message, opened))
-            return replace(message, origin=opened.secured), None
+            return self._signed(message, self._keep(_Statement(message, opened)), now), None
         stated = self._statements.get(_key(message)) or self._verified(pdu.origin, message, now)
         if stated.opened.signer_id == opened.signer_id:
             raise RefusalError("unproved_origin")
         if not stated.opened.is_valid_at(place):
             raise RefusalError(RejectionReason.OUTSIDE_REGION)
-        made_at_s = self._security.made_at_s(stated.opened, now) - stated.warn.age_s
-        return replace(message, origin=stated.opened.secured), BrakingStatement(
-            stated.warn, stated.opened.signer_id, made_at_s
-        )
+        statement = BrakingStatement(stated.warn, stated.opened.signer_id)
+        return self._signed(message, stated, now), statement
+
+    def _signed(self, warn: Warn, stated: _Statement, now: float) -> Warn:
+        """Return a warning with what its braking vehicle signed."""
+        stated_at_s = self._security.made_at_s(stated.opened, now) - stated.warn.age_s
+        return replace(warn, origin=stated.opened.secured, stated_at_s=stated_at_s)
 
     def _verified(self, origin: bytes, copy: Warn, now: float) -> _Statement:
         """Return what the braking vehicle signed, verified only if the copy states the same."""

@@ -20,7 +20,7 @@ from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import CarIdentity
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupState
-from onboard.messages.lcca import NO_ID, Join
+from onboard.messages.lcca import Join
 from onboard.observations import (
     BrakeCause,
     DetectionList,
@@ -402,7 +402,6 @@ def test_followers_are_counted() -> None:
             sequence=1,
             acknowledged_origin_id=bytes(8),
             acknowledged_sequence=0,
-            previous_id=NO_ID,
         ),
         10.0,
     )

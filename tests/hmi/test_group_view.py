@@ -90,7 +90,7 @@ def test_members_are_those_with_the_own_leader_in_the_order_of_their_numbers(
 def test_a_follower_is_a_member_before_it_tells_the_own_leader(
     view: GroupView, group: WarningGroup
 ) -> None:
-    group.receive_message(Join(C, C, 1, B, 1, NO_ID, 0, NO_ID), 1.0)
+    group.receive_message(Join(C, C, 1, B, 1, NO_ID, 0), 1.0)
     view.receive_event(received("join", C, 1.0, leader=C, to_id=B.hex()))
 
     follower = others(view, group, 1.0)[short(C)]

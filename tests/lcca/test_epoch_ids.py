@@ -3,7 +3,7 @@
 import pytest
 
 from onboard.lcca.epoch_ids import ADJACENT_S, OWN_NEXT_S, EpochIds
-from onboard.messages.lcca import NO_ID, Join, Reply, Update
+from onboard.messages.lcca import NO_ID, Reply, Update
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
 from tests.typed import a
@@ -57,7 +57,7 @@ def reply(utc_s: float) -> Reply:
 def test_who_has_read_the_lead_plate_reads_the_leaders_next_id(
     utc_s: float, clocks_apart_s: float
 ) -> None:
-    sent = a(Reply, ids_of(AHEAD).to_send(reply(utc_s), None, utc_s))
+    sent = a(Reply, ids_of(AHEAD).to_send(reply(utc_s), utc_s))
 
     assert sent.next_leader_id not in (NEXT_LEADER, NO_ID)
     received = ids_of(BEHIND).received(sent, AHEAD, utc_s + clocks_apart_s)
@@ -65,33 +65,14 @@ def test_who_has_read_the_lead_plate_reads_the_leaders_next_id(
 
 
 def test_who_follows_another_plate_or_none_cannot_read_it() -> None:
-    sent = ids_of(AHEAD).to_send(reply(MIDDLE_S), None, MIDDLE_S)
+    sent = ids_of(AHEAD).to_send(reply(MIDDLE_S), MIDDLE_S)
 
     for plate in (STRANGER, None):
         received = a(Reply, ids_of(BEHIND).received(sent, plate, MIDDLE_S))
         assert received.next_leader_id == NO_ID
 
 
-def test_the_previous_id_in_a_join_is_read_by_the_vehicle_that_is_joined_only() -> None:
-    now_s = ENDS_S + 1.0
-    join = Join(
-        car_id(BEHIND, now_s), LEADER, 3, car_id(AHEAD, now_s), 7, NO_ID, 0,
-        car_id(BEHIND, MIDDLE_S),
-    )  # fmt: skip
-    sent = a(Join, ids_of(BEHIND).to_send(join, AHEAD, now_s))
-
-    assert sent.previous_id not in (join.previous_id, NO_ID)
-    assert ids_of(AHEAD).received(sent, None, now_s) == join
-    received = a(Join, ids_of(STRANGER).received(sent, None, now_s))
-    assert received.previous_id == NO_ID
-
-
-def test_without_the_lead_plate_no_previous_id_is_sent() -> None:
-    join = Join(car_id(BEHIND, ENDS_S), LEADER, 3, b"somebody", 7, NO_ID, 0, b"previous")
-    assert a(Join, ids_of(BEHIND).to_send(join, None, ENDS_S)).previous_id == NO_ID
-
-
 def test_messages_without_such_ids_stay_as_they_are() -> None:
-    update = Update(LEADER, LEADER, 1, LEADER, 5, 1, NEXT_LEADER, 1, 9)
-    assert ids_of(AHEAD).to_send(update, BEHIND, MIDDLE_S) is update
+    update = Update(LEADER, LEADER, 1, 9)
+    assert ids_of(AHEAD).to_send(update, MIDDLE_S) is update
     assert ids_of(AHEAD).received(update, BEHIND, MIDDLE_S) is update

@@ -29,8 +29,8 @@ def braking(sequence: int, **changes: object) -> Warn:
 
 
 def updates(newest: int) -> Iterator[GroupMessage]:
-    for sequence in range(newest + 1, newest + 17):
-        yield Update(INSIDER, A, 1, A, sequence, 5, A, 0, 1)
+    for leader in (A, INSIDER):
+        yield Update(INSIDER, leader, 60, newest)
 
 
 def ends(newest: int) -> Iterator[GroupMessage]:
@@ -71,7 +71,7 @@ class Attack:
         return next(
             entry.message.event_sequence
             for entry in reversed(self.road.sent)
-            if isinstance(entry.message, Update | Warn) and entry.message.event_origin_id == A
+            if isinstance(entry.message, Warn) and entry.message.event_origin_id == A
         )
 
     def receive(self, name: str, message: GroupMessage) -> None:

@@ -1,4 +1,4 @@
-"""Which warnings and updates one member accepts."""
+"""Which warnings and updates one member accepts, and what it repeats."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from onboard.lcca.events import MeasuredLead
 from onboard.lcca.group import WarningGroup
-from onboard.lcca.parameters import GroupParameters
+from onboard.lcca.parameters import DEFAULTS, GroupParameters
 from onboard.messages.lcca import NO_ID, Join, Reply, Update, Warn, WarnCause
 from onboard.observations import Discarded, HardBrake
 from tests.lcca.road import car_id
@@ -28,7 +28,7 @@ class Listener:
         (join,) = self.group.messages_to_send(0.0)
         assert isinstance(join, Join)
         self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0, NO_ID))
-        self.hears(Join(C, A, 3, B, 0, NO_ID, 0, NO_ID))
+        self.hears(Join(C, A, 3, B, 0, NO_ID, 0))
         self.group.messages_to_send(0.0)
 
     def hears(self, message: Warn | Reply | Join | Update) -> list[str]:
@@ -96,22 +96,20 @@ def test_the_end_of_another_braking_ends_nothing() -> None:
     car = Listener()
     assert car.hears(warn(event_sequence=20, first_sequence=20)) == ["warning"]
     assert car.hears(warn(event_sequence=19, first_sequence=5, cause=WarnCause.OVER)) == []
-    ends = warn(event_sequence=21, first_sequence=20, cause=WarnCause.OVER)
+    ends = warn(event_sequence=22, first_sequence=20, cause=WarnCause.OVER)
     assert car.hears(ends) == ["warning_over"]
-    assert car.hears(warn(event_sequence=20, first_sequence=20, age_s=1.0)) == ["outdated"]
+    assert car.hears(warn(event_sequence=21, first_sequence=20, age_s=1.0)) == ["outdated"]
+
+
+Z = b"leader-z"
 
 
 def update(**changes: object) -> Update:
-    """A joins a group as its number 4 behind Z."""
+    """A has joined a group as its number 4 behind Z."""
     fields: dict[str, object] = {
         "sender_id": A,
-        "leader_id": b"leader-z",
+        "leader_id": Z,
         "number": 4,
-        "event_origin_id": A,
-        "event_sequence": 5,
-        "reach": 1,
-        "previous_leader_id": A,
-        "shift": -3,
         "leader_sequence": 77,
     }
     return Update(**(fields | changes))  # type: ignore[arg-type]
@@ -121,18 +119,16 @@ def update(**changes: object) -> Update:
     ("changes", "words", "number"),
     [
         ({}, ["transition"], 5),
-        ({"sender_id": OUTSIDER}, ["transition"], 5),
-        ({"sender_id": OUTSIDER, "number": 5}, ["from_behind"], 2),
-        ({"sender_id": OUTSIDER, "previous_leader_id": OUTSIDER}, ["other_group"], 2),
-        ({"sender_id": OUTSIDER, "previous_leader_id": C, "leader_id": A}, ["up_to_date"], 2),
-        ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 10}, ["up_to_date"], 2),
-        ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 11}, ["transition"], 5),
-        ({"leader_id": A, "number": 1, "shift": 0}, ["up_to_date"], 2),
+        ({"sender_id": OUTSIDER}, [], 2),
+        ({"sender_id": OUTSIDER, "leader_id": A, "leader_sequence": 11}, [], 2),
+        ({"sender_id": C}, [], 2),
+        ({"leader_id": A, "number": 1}, ["up_to_date"], 2),
+        ({"leader_id": A, "number": 4, "leader_sequence": 11}, ["transition"], 5),
+        ({"leader_id": A, "number": 4, "leader_sequence": 10}, ["loop"], 2),
         ({"leader_id": B}, ["loop"], 2),
-        ({"previous_leader_id": OUTSIDER}, ["transition"], 5),  # from the car it follows
     ],
 )
-def test_a_member_accepts_or_refuses_an_update(
+def test_a_member_follows_its_predecessor_only_to_another_position(
     changes: dict[str, object], words: list[str], number: int
 ) -> None:
     car = Listener()
@@ -140,12 +136,10 @@ def test_a_member_accepts_or_refuses_an_update(
     assert car.group.group_number == number
 
 
-def test_a_member_whose_shift_differs_sends_its_own_update() -> None:
+def test_a_member_that_is_moved_moves_its_followers() -> None:
     car = Listener()
-    car.hears(update(previous_leader_id=OUTSIDER))
-    (own,) = car.group.messages_to_send(0.0)
-    assert isinstance(own, Update)
-    assert (own.event_origin_id, own.previous_leader_id, own.shift) == (B, A, -3)
+    car.hears(update())
+    assert car.group.messages_to_send(0.0) == [Update(B, Z, 5, 77)]
 
 
 def test_the_age_of_a_repeated_warning_includes_the_waiting_time() -> None:
@@ -167,9 +161,7 @@ def copies(car: Listener, now: float) -> list[str]:
 def test_a_vehicle_that_has_left_forwards_nothing() -> None:
     stays, leaves = Listener(), Listener(lead_hold_s=0.01)
     for car in (stays, leaves):
-        car.hears(
-            Join(OUTSIDER, A, 4, C, 0, NO_ID, 0, NO_ID)
-        )  # the radio reaches two vehicles behind
+        car.hears(Join(OUTSIDER, A, 4, C, 0, NO_ID, 0))  # the radio reaches two vehicles behind
         car.hears(warn(reach=3))
     assert copies(stays, 0.01) == []
     assert copies(leaves, 0.01) == ["update"]  # to its follower: I lead you now
@@ -181,7 +173,7 @@ def test_a_repeated_warning_has_the_present_number_of_the_braking_vehicle() -> N
     # A, number 4 now, braked as number 1. Who is number 2 to 4 of the new group is ahead of it.
     car = Listener()
     car.hears(warn(reach=3))
-    assert car.hears(update(event_sequence=6)) == ["transition"]
+    assert car.hears(update()) == ["transition"]
     car.group.handle_timer(0.05)
     (copy,) = (m for m in car.group.messages_to_send(0.05) if isinstance(m, Warn))
     assert (copy.leader_id, copy.number, copy.origin_number) == (b"leader-z", 5, 4)
@@ -190,31 +182,63 @@ def test_a_repeated_warning_has_the_present_number_of_the_braking_vehicle() -> N
 def test_a_warning_from_a_vehicle_that_left_the_group_is_not_repeated() -> None:
     # A left its group and leads; the braking car was ahead of it.
     car = Listener()
-    z = b"leader-z"
-    assert car.hears(update(event_sequence=6)) == ["transition"]
-    ahead = warn(event_origin_id=OUTSIDER, leader_id=z, number=4, origin_number=2, reach=3)
+    assert car.hears(update()) == ["transition"]
+    ahead = warn(event_origin_id=OUTSIDER, leader_id=Z, number=4, origin_number=2, reach=3)
     assert car.hears(ahead) == ["warning"]
-    split = update(leader_id=A, number=1, previous_leader_id=z, shift=3, event_sequence=7)
+    split = update(leader_id=A, number=1, leader_sequence=78)
     assert car.hears(split) == ["transition"]
     car.group.handle_timer(0.05)
     assert not any(isinstance(m, Warn) for m in car.group.messages_to_send(0.05))
 
 
-def test_an_outdated_update_is_not_forwarded() -> None:
+def test_a_copy_that_others_make_up_takes_nothing_from_the_known_one() -> None:
+    """Whoever has received the true one may claim any age and numbers for his copy."""
     car = Listener()
-    car.hears(update(reach=3))
-    newer = update(
-        previous_leader_id=b"leader-z", leader_id=b"leader-y", event_sequence=6, leader_sequence=9
-    )
-    assert car.hears(newer) == ["transition"]
-    car.group.handle_timer(0.05)
-    sent = [m for m in car.group.messages_to_send(0.05) if isinstance(m, Update)]
-    assert {message.leader_id for message in sent} == {b"leader-y"}
+    car.hears(Join(OUTSIDER, A, 4, C, 0, NO_ID, 0))  # the radio reaches two vehicles behind
+    car.hears(warn(event_origin_id=Z, number=1, origin_number=1, reach=3, age_s=0.1))
+    for age_s in (0.0, 0.5, 2.99, 60.0):
+        forged = warn(
+            sender_id=OUTSIDER, event_origin_id=Z, number=1, reach=9, age_s=age_s, hops=200
+        )
+        assert car.hears(forged) == ["duplicate"]
+    car.group.handle_timer(0.02)
+    (copy,) = (m for m in car.group.messages_to_send(0.02) if isinstance(m, Warn))
+    assert (copy.origin_number, copy.hops, round(copy.age_s, 6)) == (1, 2, 0.12)
+
+
+def test_a_copy_from_behind_delays_a_warning_until_acknowledgements_are_checked() -> None:
+    car = Listener()
+    car.hears(warn(reach=3))
+    car.hears(warn(sender_id=OUTSIDER, number=60_000))
+    at = DEFAULTS.acknowledge_s + DEFAULTS.spread_s
+    car.group.handle_timer(at)
+    assert "warn" in [m.kind for m in car.group.messages_to_send(at)]
+
+
+def test_what_a_braking_vehicle_signed_tells_its_warnings_apart_whatever_copies_say() -> None:
+    """A later braking of another signer under the same number is another one."""
+    car = Listener()
+    car.hears(warn(stated_at_s=-0.1))
+    assert car.hears(warn(sender_id=OUTSIDER, age_s=-5.0, stated_at_s=-0.1)) == ["duplicate"]
+    assert car.hears(warn(age_s=0.0, stated_at_s=0.5)) != ["duplicate"]
+
+
+def test_an_older_warning_that_comes_late_does_not_take_the_place_of_the_newer_one() -> None:
+    car = Listener()
+    car.hears(warn(event_sequence=9, first_sequence=9, age_s=0.0))
+    car.hears(warn(event_sequence=5, first_sequence=5, age_s=1.0))
+    at = car.group.get_timer()
+    sent: list[int] = []
+    while at < 0.5:
+        car.group.handle_timer(at)
+        sent += [m.event_sequence for m in car.group.messages_to_send(at) if isinstance(m, Warn)]
+        at = car.group.get_timer()
+    assert 9 in sent
 
 
 def test_a_warning_is_sent_before_other_messages() -> None:
     car = Listener()
-    car.hears(Join(C, A, 3, B, 1, NO_ID, 0, NO_ID))
+    car.hears(Join(C, A, 3, B, 1, NO_ID, 0))
     car.group.receive_hard_brake(HardBrake(0.0, 5.0, "test"), 0.2)
     out = car.group.messages_to_send(0.2)
     assert [message.kind for message in out] == ["warn", "reply"]

@@ -9,11 +9,11 @@ from onboard.lcca.followers import Followers
 from onboard.lcca.forwarding import Forwarding, Reach
 from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import NO_ID, Join, Update, Warn
+from onboard.messages.lcca import NO_ID, Join, Warn, WarnCause
 from tests.lcca.road import Air, Road, Transmission, car_id
 from tests.lcca.rows import row, warned
 
-A, B, C = (car_id(name) for name in "ABC")
+A, B = (car_id(name) for name in "AB")
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -75,7 +75,7 @@ def test_a_candidate_behind_the_designated_forwarder_waits_half_a_slot_less() ->
 
 def test_a_forged_group_number_delays_a_warning_by_a_slot_or_two_a_hop() -> None:
     road = row("ABCDEFGH", Air(reach_m=45.0))
-    forged = Join(b"attacker", A, 60_000, b"somebody", 0, NO_ID, 0, NO_ID)
+    forged = Join(b"attacker", A, 60_000, b"somebody", 0, NO_ID, 0)
     for car in road.cars.values():
         car.group.receive_message(forged, road.now)
     began = road.now
@@ -88,7 +88,7 @@ def test_a_forged_group_number_delays_a_warning_by_a_slot_or_two_a_hop() -> None
     assert len(road.warns()) == 4
 
 
-def test_an_impossible_reach_does_not_delay_an_update() -> None:
+def test_an_impossible_reach_delays_a_warning_by_the_own_reach_only() -> None:
     # Anybody may claim to be the 65,535th of a group, and its leader then names that reach.
     parameters = GroupParameters()
     reach = Reach(parameters)
@@ -97,7 +97,8 @@ def test_an_impossible_reach_does_not_delay_an_update() -> None:
     )
     for behind in (1, 2):
         reach.receive_distance(behind.to_bytes(8), behind, 10.0)
-    forwarding.receive_first(Update(A, A, 1, A, 7, 65535, C, 1, 0), 1, 10.0)
+    warn = Warn(A, A, 1, A, 7, 65535, 1, 7, WarnCause.DECELERATION, 6.0, 0.0, 1)
+    forwarding.receive_first(warn, 1, 10.0)
     assert forwarding.get_timer() == pytest.approx(10.0 + 2 * parameters.slot_s)
 
 

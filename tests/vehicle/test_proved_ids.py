@@ -59,10 +59,10 @@ def test_an_honest_group_lasts_over_a_change_of_ids_though_clocks_differ() -> No
 
 def forgeries(lead: CarId, follower: CarId) -> Iterator[LccaMessage]:
     """What an insider sends under the IDs of a leader and its follower."""
-    yield lcca.Join(follower, lead, 2, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    yield lcca.Join(follower, lead, 2, lead, 900, lcca.NO_ID, 0)
     yield lcca.Reply(lead, lead, 1, follower, 900, 900, SPEED_M_S, lcca.NO_ID)
     yield lcca.Leave(follower, lead, 2, lead, lcca.LeaveReason.GAP)
-    yield lcca.Update(lead, lead, 1, lead, 900, 1, lead, -5, 900)
+    yield lcca.Update(lead, lead, 6, 900)
     yield lcca.Warn(lead, lead, 1, lead, 900, 1, 1, 900, lcca.WarnCause.DECELERATION, 7.0, 0.0, 1)
     yield lcca.Answer(lead, follower, 0, b"EVIL", SPEED_M_S)
 
@@ -99,7 +99,7 @@ def test_an_id_is_proved_by_its_own_siblings_only(proof: str) -> None:
         "none": (),
     }[proof]
     lead = car_id(platoon, "AAA1")
-    join = lcca.Join(own.car_id, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    join = lcca.Join(own.car_id, lead, 1, lead, 900, lcca.NO_ID, 0)
     platoon.receive("AAA1", insider.wsm(join, platoon.now, siblings))
     platoon.settle()
 
@@ -111,7 +111,7 @@ def test_an_id_is_proved_by_its_own_siblings_only(proof: str) -> None:
 def test_certificates_that_commit_to_nothing_prove_nothing() -> None:
     platoon, insider = driven(), Insider(keys=CAROL)
     lead, own = car_id(platoon, "AAA1"), insider.pseudonym(platoon.now).car_id
-    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0)
     platoon.receive("AAA1", insider.wsm(join, platoon.now))
     platoon.settle()
 
@@ -189,7 +189,7 @@ def test_an_id_of_another_epoch_is_not_proved() -> None:
     own, third = insider.pseudonym(platoon.now), Insider().pseudonym(platoon.now + 3 * 300.0)
     assert own.credential == third.credential
     lead = car_id(platoon, "AAA1")
-    join = lcca.Join(third.car_id, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    join = lcca.Join(third.car_id, lead, 1, lead, 900, lcca.NO_ID, 0)
     platoon.receive("AAA1", insider.wsm(join, platoon.now, third.proof))
     platoon.settle()
 
@@ -209,7 +209,7 @@ def test_what_is_received_when_the_ids_change_is_answered_under_the_new_one(
     before = len(platoon.on_air)
     lead = car_id(platoon, "AAA1", changes_at - 1.0)
     own = insider.pseudonym(platoon.now).car_id
-    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0, lcca.NO_ID)
+    join = lcca.Join(own, lead, 1, lead, 900, lcca.NO_ID, 0)
     platoon.receive("AAA1", insider.wsm(join, platoon.now))
     platoon.drive(0.1)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.lcca.events import WarningOver, WarningRaised
 from onboard.messages import lcca
-from onboard.messages.lcca import CarId, LccaMessage, Update, Warn
+from onboard.messages.lcca import CarId, LccaMessage, Warn
 from onboard.misbehaviour.signer_credibility import SignerIgnored
 from onboard.observations import (
     HardBrake,
@@ -212,5 +212,5 @@ class AttackedGroup:
             message = lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
             if message.sender_id not in self.leader_ids[-1:]:
                 self.leader_ids.append(message.sender_id)
-            if isinstance(message, Update | Warn):
+            if isinstance(message, Warn):
                 self.newest = message.event_sequence

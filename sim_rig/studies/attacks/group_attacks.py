@@ -193,9 +193,9 @@ def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> War
 
 
 def group_updates(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:
-    """Updates under the leader's next event sequence numbers."""
-    for sequence in range(newest + 1, newest + 1 + NUMBERS):
-        yield Update(own, leader, 1, leader, sequence % (1 << 16), 5, leader, 0, 1)
+    """Updates that move the leader's followers far behind it, and to another group."""
+    for other in (leader, own):
+        yield Update(own, other, 60, newest % (1 << 16))
 
 
 def group_ends(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:

@@ -104,7 +104,7 @@ class Hijack(Imposture):
         yield self.insider.signed(replace(own, sender_id=self.insider.own_id(now)), now)
         yield self.insider.signed(Reply(lead, lead, 9, follower, 1, 1, SPEED_M_S, NO_ID), now)
         yield self.insider.signed(Leave(follower, lead, 2, lead, LeaveReason.GAP), now)
-        yield self.insider.signed(Join(follower, lead, 2, lead, 9, lead, sequence, NO_ID), now)
+        yield self.insider.signed(Join(follower, lead, 2, lead, 9, lead, sequence), now)
 
 
 class Framing(Imposture):
