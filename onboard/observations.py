@@ -57,6 +57,39 @@ class TurnSignal:
     source: str
 
 
+@dataclass(frozen=True, slots=True)
+class YawRate:
+    """How fast the host vehicle turns, from a broadcast signal."""
+
+    kind: ClassVar[str] = "yaw_rate"
+    stamp_s: float
+    yaw_rate_rad_s: float
+    """Positive to the right."""
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Steering:
+    """Curvature of the circle that the front wheels are steered on, from a broadcast signal."""
+
+    kind: ClassVar[str] = "steering"
+    stamp_s: float
+    curvature_1_m: float
+    """Positive to the right."""
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Curvature:
+    """Curvature of the host vehicle's path, by all that measures it."""
+
+    kind: ClassVar[str] = "curvature"
+    stamp_s: float
+    curvature_1_m: float
+    """Positive to the right."""
+    sigma_1_m: float
+
+
 class BrakeCause(StrEnum):
     """What shows that the host vehicle brakes hard, the least severe first."""
 

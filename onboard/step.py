@@ -15,8 +15,10 @@ from onboard.observations import (
     SensorLost,
     SensorRecovered,
     Speed,
+    Steering,
     TurnSignal,
     VehicleDetection,
+    YawRate,
 )
 from onboard.trace.trace_line import Event
 
@@ -25,6 +27,9 @@ Observation = (
     | Position | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip
 """Values that the sensors' packages put out."""
+
+HostObservation = Observation | YawRate | Steering
+"""With those that only frames of the bus tell, which are inputs themselves."""
 
 
 @dataclass(frozen=True, slots=True)

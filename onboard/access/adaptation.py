@@ -22,7 +22,7 @@ from onboard.bsm_transmission.schedule import MAXIMUM_INTERVAL_S, MINIMUM_INTERV
 from onboard.core import Core
 from onboard.observations import BrakePedal, HardBrake, Lead
 from onboard.sensors.host_state import HostState
-from onboard.step import Observation
+from onboard.step import HostObservation
 
 UNSAFE_ABOVE = 0.5
 """Crash probability above which a vehicle becomes unsafe: a crash is more likely than none."""
@@ -98,7 +98,7 @@ class AccessAdaptation(Core):
             return None
         return self.driver.percentile_s(0.5, REACTION_HEADWAY_S)[0]
 
-    def receive_observation(self, observation: Observation, now: float) -> None:
+    def receive_observation(self, observation: HostObservation, now: float) -> None:
         """Take an observation of the host vehicle's sensors; most kinds change nothing."""
         match observation:
             case Lead():

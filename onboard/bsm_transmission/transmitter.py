@@ -12,10 +12,11 @@ import numpy as np
 from typing_extensions import override
 
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
-from onboard.bsm_transmission.path_prediction import STANDSTILL_M_S, PathPredictor
+from onboard.bsm_transmission.path_prediction import PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
 from onboard.core import Core
 from onboard.kinematics.acceleration import AccelerationEstimator
+from onboard.kinematics.course_rate import STANDSTILL_M_S
 from onboard.kinematics.geodesy import distance_m
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.messages.bsm import BasicSafetyMessage

@@ -14,7 +14,16 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_database import parse_dbc
 from onboard.obd.dbc_excerpt import excerpt
 from onboard.obd.settings import BroadcastSettings
-from onboard.observations import BrakeCause, BrakePedal, Discarded, Side, Speed, TurnSignal
+from onboard.observations import (
+    BrakeCause,
+    BrakePedal,
+    Discarded,
+    Side,
+    Speed,
+    Steering,
+    TurnSignal,
+    YawRate,
+)
 
 SPEED_UNITS: Mapping[str, float] = {
     "m/s": 1.0,
@@ -28,10 +37,18 @@ SPEED_UNITS: Mapping[str, float] = {
 }
 """Units of speed as written in DBC files, in lower case."""
 
+_DEG = math.radians(1.0)
+ANGLE_UNITS: Mapping[str, float] = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), _DEG),
+    **dict.fromkeys(("deg/s", "deg/sec", "degree/s", "degrees/s", "°/s"), _DEG),
+    **dict.fromkeys(("rad", "rad/s", "rad/sec"), 1.0),
+}
+"""Units of angles in rad, and of yaw rates in rad/s, in lower case."""
+
 _PRESSURE_UNITS: Mapping[str, float] = {"bar": 1.0, "kpa": 0.01, "mpa": 10.0}
 """Units of pressure in bar, in lower case."""
 
-BroadcastValue = Speed | BrakePedal | TurnSignal | BrakeTrigger | Discarded
+BroadcastValue = Speed | BrakePedal | TurnSignal | YawRate | Steering | BrakeTrigger | Discarded
 
 HIGHEST_SPEED_M_S = 100.0
 """Highest plausible speed: many DBC files state no range, or that of all bits, and higher values
@@ -76,11 +93,12 @@ class BroadcastSignals:
             self._factor = self._factor_of(
                 name, unit, SPEED_UNITS, "speed_unit to km/h, m/s or mph"
             )
+        self._turns = list(self._find_turns(database, settings))
         self._triggers = list(self._find_triggers(database, settings))
         lamps = [found for _, *found in self._turn_signals]
         self._messages = {
             (message.frame_id, message.is_extended_frame): message
-            for message, *_ in (*self._speed, *self._pedal, *lamps, *self._triggers)
+            for message, *_ in (*self._speed, *self._pedal, *lamps, *self._turns, *self._triggers)
         }
 
     def receive_frame(self, frame: CanFrame) -> list[BroadcastValue]:
@@ -106,8 +124,21 @@ class BroadcastSignals:
             if owner is message and signal.name in values:
                 is_on = _is_on(signal, values[signal.name])
                 observations.append(TurnSignal(frame.stamp_s, side, is_on, _source(owner, signal)))
+        observations += self._read_turns(frame, message, values)
         observations += self._read_triggers(frame, message, values)
         return observations
+
+    def _read_turns(
+        self, frame: CanFrame, message: Any, values: Mapping[str, float]
+    ) -> Iterator[YawRate | Steering | Discarded]:
+        for owner, signal, kind, factor in self._turns:
+            if owner is not message or signal.name not in values:
+                continue
+            value, source = values[signal.name], _source(owner, signal)
+            if math.isfinite(value) and _in_range(signal, value):
+                yield kind(frame.stamp_s, factor * value, source)
+            else:
+                yield _discarded(frame, "signal_range", f"{source} = {value} {signal.unit}")
 
     def _read_triggers(
         self, frame: CanFrame, message: Any, values: Mapping[str, float]
@@ -151,6 +182,26 @@ class BroadcastSignals:
             raise UserError(f"{self._dbc}: {message_name} has no signal {signal_name}, but {known}")
         return message, signal
 
+    def _find_turns(
+        self, database: Any, settings: BroadcastSettings
+    ) -> Iterator[tuple[Any, Any, type[YawRate] | type[Steering], float]]:
+        """Message, signal, what it is, and the factor to that, positive to the right."""
+        for kind, name, positive, of_1_rad in (
+            (YawRate, settings.yaw_rate, settings.yaw_rate_positive, 1.0),
+            (
+                Steering,
+                settings.steering_angle,
+                settings.steering_angle_positive,
+                1.0 / settings.steering_m,
+            ),
+        ):
+            if name is None:
+                continue
+            message, signal = self._find(database, name)
+            unit = settings.angle_unit or signal.unit
+            factor = self._factor_of(name, unit, ANGLE_UNITS, "angle_unit to deg or rad")
+            yield message, signal, kind, of_1_rad * (factor if positive == "right" else -factor)
+
     def _find_triggers(
         self, database: Any, settings: BroadcastSettings
     ) -> Iterator[tuple[Any, Any, BrakeCause, float | None]]:
@@ -188,6 +239,8 @@ def _names(settings: BroadcastSettings) -> list[str]:
         settings.brake_pedal,
         settings.turn_signal_left,
         settings.turn_signal_right,
+        settings.yaw_rate,
+        settings.steering_angle,
         settings.abs,
         settings.stability_control,
         settings.airbag,

@@ -5,6 +5,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from onboard.observations import Side
 from onboard.settings import Settings
 
 DEFAULT_CHANNEL = "can0"
@@ -47,6 +48,18 @@ class BroadcastSettings(Settings):
     """Signal of the left turn signal: its lever or its lamp; any value but 0 is on."""
     turn_signal_right: str | None = None
     """The same of the right one."""
+    yaw_rate: str | None = None
+    """Signal of the yaw rate."""
+    yaw_rate_positive: Side = "left"
+    """Side to which the vehicle turns while it is positive (ISO 8855: left)."""
+    steering_angle: str | None = None
+    """Signal of the angle of the steering wheel."""
+    steering_angle_positive: Side = "left"
+    """Side to which the wheel is turned while it is positive."""
+    steering_m: float = Field(40.0, gt=1.0, le=200.0)
+    """Steering ratio times wheelbase: the radius of the path while the wheel is turned by 1 rad."""
+    angle_unit: Literal["deg", "rad"] | None = None
+    """Unit of angle and yaw rate (a second), if the DBC file has none or an unknown one."""
     abs: str | None = None
     """Signal of active ABS. Of this and the next three, a signal of two bits is on with 1 only (SAE
     J1939-71: 2 is an error, 3 not available), any other one with all values but 0."""

@@ -20,7 +20,15 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.iso_tp import Aborted, Reassembly
 from onboard.obd.request_scheduler import RequestScheduler
 from onboard.obd.settings import ObdSettings
-from onboard.observations import BrakePedal, Discarded, HardBrake, Speed, TurnSignal
+from onboard.observations import (
+    BrakePedal,
+    Discarded,
+    HardBrake,
+    Speed,
+    Steering,
+    TurnSignal,
+    YawRate,
+)
 
 if TYPE_CHECKING:
     from onboard.obd.broadcast import BroadcastSignals, BroadcastValue
@@ -40,7 +48,7 @@ _CONTINUE_TO_SEND = n_pdu.FlowControl(n_pdu.FlowStatus.CONTINUE_TO_SEND, block_s
 
 _IDENTIFIERS = {"auto": (False, True), "11-bit": (False,), "29-bit": (True,)}
 
-BusEvent = Speed | BrakePedal | TurnSignal | HardBrake | Discarded
+BusEvent = Speed | BrakePedal | TurnSignal | YawRate | Steering | HardBrake | Discarded
 
 
 class VehicleBus(Core):

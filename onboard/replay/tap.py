@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from onboard.errors import DecodeError
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
+from onboard.observations import Curvature
 from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage, StepEnd
 from onboard.security.plate_digest import PlateDigest
@@ -78,6 +79,10 @@ class Tap:
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """See `Stack`."""
         return self._stack.surroundings
+
+    def curvature(self, now: float) -> Curvature | None:
+        """See `Stack`."""
+        return self._stack.curvature(now)
 
     def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
         """See `Stack`."""

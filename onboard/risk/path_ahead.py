@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from onboard.bsm_transmission.path_prediction import WINDOW_S, PathPredictor
+from onboard.bsm_transmission.path_prediction import PathPredictor
+from onboard.kinematics.course_rate import WINDOW_S
 from onboard.observations import Position
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 

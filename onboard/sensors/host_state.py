@@ -7,8 +7,18 @@ path history) are given the samples themselves.
 
 from collections.abc import Set as AbstractSet
 
-from onboard.observations import BrakePedal, Position, Side, Speed, TurnSignal
+from onboard.observations import (
+    BrakePedal,
+    Curvature,
+    Position,
+    Side,
+    Speed,
+    Steering,
+    TurnSignal,
+    YawRate,
+)
 from onboard.sensors.host_braking import HostBraking
+from onboard.sensors.path_curvature import PathCurvature
 from onboard.sensors.turn_signals import TurnSignals
 from onboard.trace.trace_line import Event
 
@@ -40,9 +50,12 @@ class HostState:
         self._turn_signals = TurnSignals()
         self._acceleration = HostBraking(HOST_WINDOW_S)
         self._braking = HostBraking(BRAKING_WINDOW_S)
+        self._curvature = PathCurvature()
 
     def receive_observation(self, observation: Event) -> None:
         """Take an observation of the host vehicle's sensors; most kinds change nothing."""
+        if isinstance(observation, Speed | YawRate | Steering | Position):
+            self._curvature.receive_observation(observation)
         match observation:
             case Speed():
                 self._speed = observation
@@ -74,6 +87,10 @@ class HostState:
     def turn_signals(self, now: float) -> AbstractSet[Side]:
         """Return the sides whose turn signals are on; both are the hazard signal."""
         return self._turn_signals.on(now)
+
+    def curvature(self, now: float) -> Curvature | None:
+        """Return the curvature of the path; `None` while nothing measures it."""
+        return self._curvature.at(now)
 
     def acceleration_m_s2(self, now: float) -> float | None:
         """Return the slope of the speed over `HOST_WINDOW_S`; `None` while unknown."""

@@ -11,7 +11,9 @@ from collections.abc import Mapping
 from typing_extensions import override
 
 from onboard.core import Core
-from onboard.observations import Sensor, SensorLost, SensorRecovered
+from onboard.observations import Discarded, Sensor, SensorLost, SensorRecovered
+
+SensorEvent = SensorLost | SensorRecovered | Discarded
 
 
 class SensorTimeouts(Core):
@@ -26,7 +28,7 @@ class SensorTimeouts(Core):
         self._last_sample_at: dict[Sensor, float | None] = dict.fromkeys(self._timeouts_s)
         self._lost_at = {sensor: now + timeout for sensor, timeout in self._timeouts_s.items()}
         self._lost: set[Sensor] = set()
-        self._events: deque[SensorLost | SensorRecovered] = deque()
+        self._events: deque[SensorEvent] = deque()
 
     @property
     def lost(self) -> frozenset[Sensor]:
@@ -85,6 +87,6 @@ class SensorTimeouts(Core):
                 self.receive_loss(sensor, "silent", now)
 
     @override
-    def next_event(self) -> SensorLost | SensorRecovered | None:
+    def next_event(self) -> SensorEvent | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None

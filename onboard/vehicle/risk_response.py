@@ -12,7 +12,7 @@ from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.monitor import Admit, RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
-from onboard.step import Observation
+from onboard.step import HostObservation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -52,7 +52,7 @@ class RiskResponse:
         if self._sensed_monitor is not None:
             self._sensed_monitor.receive_reaction_time(reaction_s)
 
-    def receive_observation(self, observation: Observation, now: float) -> None:
+    def receive_observation(self, observation: HostObservation, now: float) -> None:
         """Let the alarms, and what requests braking, take what a sensor of the vehicle measures."""
         if self._sensed_monitor is not None:
             self._sensed_monitor.receive_event(observation, now)

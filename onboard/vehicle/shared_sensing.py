@@ -21,7 +21,7 @@ from onboard.observations import (
 )
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_state import HostState
-from onboard.step import Observation
+from onboard.step import HostObservation
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 
 
@@ -81,7 +81,7 @@ class SharedSensing:
         heading = self.mvs.heading(now)
         return None if heading is None else heading.heading_rad
 
-    def receive_observation(self, observation: Observation, now: float) -> None:
+    def receive_observation(self, observation: HostObservation, now: float) -> None:
         """Take what a sensor of the vehicle has measured."""
         match observation:
             case Speed():

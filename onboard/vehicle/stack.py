@@ -24,7 +24,7 @@ from onboard.messages.lcca import LccaPdu
 from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakeCause, Discarded, HardBrake, Sensor
+from onboard.observations import BrakeCause, Curvature, Discarded, HardBrake, Sensor
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, FreshEntropy, Pseudonyms
@@ -145,6 +145,10 @@ class Stack:
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
         return self._vehicle.surroundings
+
+    def curvature(self, now: float) -> Curvature | None:
+        """Curvature of the vehicle's path, for the camera; `None` while nothing measures it."""
+        return self._vehicle.host.curvature(now)
 
     def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
         """See `WaveLink`."""

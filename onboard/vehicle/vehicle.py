@@ -46,7 +46,7 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_sensors import HostSensors
 from onboard.sensors.host_state import HostState
-from onboard.step import Observation
+from onboard.step import HostObservation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
@@ -68,7 +68,7 @@ class ObservationSource(Protocol):
     def handle_timer(self, now: float) -> None:
         """See `Core`."""
 
-    def next_event(self) -> Observation | None:
+    def next_event(self) -> HostObservation | None:
         """Remove and return the oldest observation; `None` when there is none."""
 
 
@@ -255,7 +255,7 @@ class Vehicle(Core):
 
     # ---- in -------------------------------------------------------------------------------
 
-    def receive_observation(self, observation: Observation, now: float) -> None:
+    def receive_observation(self, observation: HostObservation, now: float) -> None:
         """Take what a sensor of the vehicle has measured."""
         if not self._sensors.receive_observation(observation, now):
             return

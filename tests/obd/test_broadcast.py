@@ -1,5 +1,6 @@
 """Speed and brake pedal from broadcast signals, by name."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,16 @@ from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.obd.settings import BroadcastSettings, ObdSettings
 from onboard.obd.vehicle_bus import BusEvent, VehicleBus
-from onboard.observations import BrakeCause, BrakePedal, Discarded, HardBrake, Speed, TurnSignal
+from onboard.observations import (
+    BrakeCause,
+    BrakePedal,
+    Discarded,
+    HardBrake,
+    Speed,
+    Steering,
+    TurnSignal,
+    YawRate,
+)
 from tests.typed import a, about, every
 
 DBC = """VERSION ""
@@ -41,6 +51,10 @@ BO_ 512 SAFETY: 4 CAR
  SG_ HAZARD : 7|1@1+ (1,0) [0|1] "" CAR
  SG_ PRESSURE : 8|16@1+ (10,0) [0|30000] "kPa" CAR
  SG_ FORCE : 24|8@1+ (1,0) [0|255] "N" CAR
+BO_ 513 TURNS: 6 CAR
+ SG_ YAW_RATE : 0|16@1- (0.01,0) [-180|180] "deg/sec" CAR
+ SG_ ANGLE : 16|16@1- (0.1,0) [-800|800] "deg" CAR
+ SG_ BARE : 32|16@1- (0.001,0) [-30|30] "" CAR
 BO_ 178 THREE: 6 CAR
  SG_ A : 0|16@1+ (0.01,0) [0|300] "km/h" CAR
  SG_ B : 16|16@1+ (0.01,0) [0|300] "km/h" CAR
@@ -367,3 +381,45 @@ def test_two_named_signals_that_overlap_are_an_error(dbc: Path) -> None:
     dbc.write_text(DBC + FAULTY, encoding="latin-1")
     with pytest.raises(UserError, match="signals B and A are overlapping"):
         read_signals(BroadcastSettings(dbc=dbc, brake_pedal="OVERLAPS.A", abs="OVERLAPS.B"))
+
+
+def test_a_yaw_rate_to_the_left_is_negative(dbc: Path) -> None:
+    """ISO 8855 counts it positive to the left, SAE J2735 and `onboard` to the right."""
+    bus = bus_of(settings(dbc, yaw_rate="TURNS.YAW_RATE"))
+
+    assert received(bus, frame(2.0, "TURNS", YAW_RATE=90.0)) == [
+        YawRate(2.0, about(-math.pi / 2), "dbc:TURNS.YAW_RATE")
+    ]
+
+
+def test_the_side_of_positive_yaw_rates_and_their_unit_may_be_named(dbc: Path) -> None:
+    bus = bus_of(settings(dbc, yaw_rate="TURNS.BARE", yaw_rate_positive="right", angle_unit="rad"))
+
+    assert received(bus, frame(2.0, "TURNS", BARE=0.5)) == [
+        YawRate(2.0, about(0.5), "dbc:TURNS.BARE")
+    ]
+
+
+def test_a_steering_wheel_at_90_degrees_steers_on_a_circle_of_its_ratio_and_wheelbase(
+    dbc: Path,
+) -> None:
+    bus = bus_of(settings(dbc, steering_angle="TURNS.ANGLE", steering_m=45.0))
+
+    assert received(bus, frame(2.0, "TURNS", ANGLE=90.0)) == [
+        Steering(2.0, about(-math.pi / 2 / 45.0), "dbc:TURNS.ANGLE")
+    ]
+
+
+def test_a_yaw_rate_without_a_unit_is_an_error(dbc: Path) -> None:
+    with pytest.raises(UserError, match=r"set obd\.broadcast\.angle_unit to deg or rad"):
+        signals_of(dbc, yaw_rate="TURNS.BARE")
+
+
+def test_a_yaw_rate_that_is_not_available_is_discarded(dbc: Path) -> None:
+    bus = bus_of(settings(dbc, yaw_rate="TURNS.YAW_RATE"))
+
+    (discarded,) = every(
+        Discarded, received(bus, CanFrame(2.0, 513, is_extended_id=False, data=b"\xff\x7f\0\0\0\0"))
+    )
+
+    assert (discarded.component, discarded.reason) == ("obd", "signal_range")
