@@ -143,6 +143,7 @@ class Daemon:
         now = time.monotonic()
         outputs = self._stack.step(self._inputs(now), now, time.time(), self._wires.send_wsm)
         self._wires.send_to_vehicle(outputs)
+        self._wires.tell_camera(self._stack.curvature(now))
         for wsm in outputs.wsms:
             self._sinks.show_frame(wsm.data, OWN_MAC)
         for event in outputs.events:

@@ -14,7 +14,7 @@ from onboard.gnss.gpsd import Gpsd
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.observations import Lead, Sensor, SensorLost
+from onboard.observations import Curvature, Lead, Sensor, SensorLost
 from onboard.recorder.black_box import BlackBox
 from onboard.recorder.records import RecorderState
 from onboard.runtime.candidate_ids import CandidateIds
@@ -60,6 +60,8 @@ class Wires:
         self._request_outputs = (
             RequestOutputs(config.brake_request, take) if config.brake_request else None
         )
+        self.tell_camera: Callable[[Curvature | None], None] = _nowhere
+        """Tells the camera the curvature of the vehicle's path."""
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -137,6 +139,7 @@ class Wires:
             camera = CameraThread(config.camera, perception, on_seen, on_image)
             camera.start()
             exits.callback(camera.close)
+            self.tell_camera = camera.receive_curvature
 
     async def _open_detector(self, exits: contextlib.AsyncExitStack) -> None:
         if self._config.detector is not None:

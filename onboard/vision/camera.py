@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import cv2
 
-from onboard.observations import Sensor, SensorLost
+from onboard.observations import Curvature, Sensor, SensorLost
 from onboard.thread_priority import lower_thread_priority
 from onboard.vision.frames import CameraError, Image
 from onboard.vision.live_frames import TIMEOUT_S, LiveFrames, device_frames, mjpeg_frames
@@ -75,6 +75,11 @@ class CameraThread:
         self._on_observations = on_observations
         self._on_image = on_image
         self._closed = threading.Event()
+        self._curvature: Curvature | None = None
+
+    def receive_curvature(self, curvature: Curvature | None) -> None:
+        """Take the curvature of the vehicle's path, for the next frame; called from the loop."""
+        self._curvature = curvature
 
     def start(self) -> None:
         """Open the camera and start the thread.
@@ -101,6 +106,7 @@ class CameraThread:
             stamp_s = started_at + frame.stamp_s
             if not self._source.live and self._closed.wait(stamp_s - time.monotonic()):
                 return
+            self._perception.receive_curvature(self._curvature)
             self._perception.receive_frame(frame.image, stamp_s)
             self._pass_on_observations()
             if self._on_image is not None:

@@ -1,4 +1,4 @@
-"""The host vehicle's lane: straight and centred unless its markings are found.
+"""The host vehicle's lane: by its markings, and without these where the vehicle drives.
 
 Its middle is at x(z) = offset + heading z + curvature z^2 / 2, to the right of the camera, z ahead:
 the second-order form of a clothoid (Dickmanns and Mysliwetz 1992, "Recursive 3-D road and relative
@@ -12,8 +12,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import ImageBox
+from onboard.observations import Curvature, ImageBox
 from onboard.vision.perspective import Perspective, RoadPosition
+
+CAMERA_AHEAD_M = 2.0
+"""From the point of the vehicle that moves along its axis, before the rear axle, to the camera."""
 
 _Floats = npt.NDArray[np.float64]
 
@@ -31,38 +34,72 @@ class LaneShape:
         """Position of the lane's middle at `ahead_m`, to the right of the camera."""
         return self.offset_m + ahead_m * (self.heading_rad + 0.5 * ahead_m * self.curvature_1_m)
 
+    def moved(self, old: "LaneShape", new: "LaneShape", share: float) -> "LaneShape":
+        """The shape after a part of it, `share` of the change from `old` to `new`, has moved."""
+        return LaneShape(
+            self.width_m + share * (new.width_m - old.width_m),
+            self.offset_m + share * (new.offset_m - old.offset_m),
+            self.heading_rad + share * (new.heading_rad - old.heading_rad),
+            self.curvature_1_m + share * (new.curvature_1_m - old.curvature_1_m),
+        )
+
     def towards(self, other: "LaneShape", share: float) -> "LaneShape":
         """The shape between this and `other`, by linear interpolation."""
-        return LaneShape(
-            self.width_m + share * (other.width_m - self.width_m),
-            self.offset_m + share * (other.offset_m - self.offset_m),
-            self.heading_rad + share * (other.heading_rad - self.heading_rad),
-            self.curvature_1_m + share * (other.curvature_1_m - self.curvature_1_m),
-        )
+        return self.moved(self, other, share)
+
+
+def lane_of_path(width_m: float, curvature_1_m: float) -> LaneShape:
+    """Return the lane of a vehicle that drives in its middle, on a circle."""
+    turned_rad = CAMERA_AHEAD_M * curvature_1_m
+    return LaneShape(width_m, 0.5 * CAMERA_AHEAD_M * turned_rad, turned_rad, curvature_1_m)
 
 
 class HostLane:
     """The lane of the host vehicle, smoothed over frames."""
 
     FIT_SHARE, DECAY_SHARE = 0.3, 0.05
-    """Weight of each new fit, and of the straight lane in a frame without one."""
+    """Weight of each new fit, and of the vehicle's path in a frame without one."""
     MAX_LEAP = 0.3
     """Distance in lane widths, 6 ahead, from which a fit counts only when the next one repeats
     it."""
 
     def __init__(self, width_m: float) -> None:
         self._unmarked = LaneShape(width_m)
+        self._paint_share = 0.0
+        """Share of the shape that is by markings, and not by the vehicle's path."""
+        self._path_sigma_1_m = 0.0
         self._leap: LaneShape | None = None
         self.shape = self._unmarked
 
+    @property
+    def path_curvature_1_m(self) -> float:
+        """Of the path that the vehicle drives, positive to the right; 0 while it is unknown."""
+        return self._unmarked.curvature_1_m
+
+    def path_sigma_m(self, ahead_m: float) -> float:
+        """Sigma of the middle of the lane at `ahead_m` by that of the path's curvature."""
+        return (1.0 - self._paint_share) * 0.5 * self._path_sigma_1_m * ahead_m**2
+
+    def receive_curvature(self, curvature: Curvature | None) -> None:
+        """Bend the lane with the path, as far as it is not known by markings.
+
+        Without a curvature it is straight, and no sigma is known.
+        """
+        path = lane_of_path(self._unmarked.width_m, curvature.curvature_1_m if curvature else 0.0)
+        self._path_sigma_1_m = curvature.sigma_1_m if curvature else 0.0
+        self.shape = self.shape.moved(self._unmarked, path, 1.0 - self._paint_share)
+        self._unmarked = path
+
     def receive_fit(self, fit: LaneShape | None) -> None:
-        """Update by the fit of one frame; without a fit, the shape decays to the straight lane."""
+        """Update by the fit of one frame; without a fit, the shape decays to the path."""
         if fit is None:
             self.shape = self.shape.towards(self._unmarked, self.DECAY_SHARE)
+            self._paint_share *= 1.0 - self.DECAY_SHARE
         elif self._is_near(fit, self.shape) or (
             self._leap is not None and self._is_near(fit, self._leap)
         ):
             self.shape = self.shape.towards(fit, self.FIT_SHARE)
+            self._paint_share += self.FIT_SHARE * (1.0 - self._paint_share)
         self._leap = fit
 
     def _is_near(self, one: LaneShape, other: LaneShape) -> bool:
@@ -110,18 +147,28 @@ class LaneMarkingDetector:
         # Prior: roads are mostly straight, so bends need votes of more rows.
         self._penalty = 4.0 * (np.abs(self._bends) / 0.015 + np.abs(self._headings) / 0.05)
 
-    def find(self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox] = ()) -> LaneShape | None:
+    def find(
+        self,
+        image: npt.NDArray[np.uint8],
+        cars: Sequence[ImageBox] = (),
+        path_curvature_1_m: float = 0.0,
+    ) -> LaneShape | None:
         """Shape of the lane; `None` where its markings are not found.
 
         Args:
             image: (h, w, 3), BGR.
             cars: parts of the image in which vehicles hide the road.
+            path_curvature_1_m: of the vehicle's path; lanes of about this curvature are looked for.
         """
         ahead, right, weight = self._paint(image, cars)
         if weight.sum() < self.MIN_BOTH:
             return None
-        votes = self._votes(ahead, right, weight)
-        return self._best_pair(votes)
+        path = lane_of_path(self._lane_width_m, path_curvature_1_m)
+        bent = right - np.asarray([path.middle_m(each) for each in ahead * self._lane_width_m]) / (
+            self._lane_width_m
+        )
+        fit = self._best_pair(self._votes(ahead, bent, weight))
+        return None if fit is None else fit.moved(LaneShape(self._lane_width_m), path, 1.0)
 
     def _paint(
         self, image: npt.NDArray[np.uint8], cars: Sequence[ImageBox]

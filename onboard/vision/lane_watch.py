@@ -62,7 +62,8 @@ class LaneWatch:
         """
         if is_searched and frame.camera.markings is not None:
             hidden = [self._outline(track, frame.camera.perspective) for track in tracks]
-            self.lane.receive_fit(frame.camera.markings.find(frame.image, hidden))
+            fit = frame.camera.markings.find(frame.image, hidden, self.lane.path_curvature_1_m)
+            self.lane.receive_fit(fit)
             if lead is None and self._sees_free_lane(frame):
                 self._free_at = frame.stamp_s
         if frame.may_hide_vehicles:

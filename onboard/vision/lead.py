@@ -1,7 +1,8 @@
 """Selection of the lead: the nearest vehicle in the host vehicle's lane.
 
 A vehicle enters the lane when its middle is within 0.35 lane widths of the lane's middle, and
-leaves it beyond 0.55, so that one on the line does not toggle. A vehicle that is near and straight
+leaves it beyond 0.55, so that one on the line does not toggle; as far as the vehicle's path is
+uncertain, later. A vehicle that is near and straight
 ahead is in the lane whatever the markings say.
 
 A false lead is worse than a missed one: only confirmed tracks count, whose detections were where a
@@ -90,9 +91,8 @@ class LeadSelector:
         width_m = self._lane.shape.width_m
         offset_m = self._offset_m(ahead_m, right_m)
         if track.track_id in self._in_lane:
-            return abs(offset_m) <= LEAVE_LANE_WIDTHS * width_m or self._is_straight_ahead(
-                ahead_m, right_m
-            )
+            leave_m = LEAVE_LANE_WIDTHS * width_m + self._lane.path_sigma_m(ahead_m)
+            return abs(offset_m) <= leave_m or self._is_straight_ahead(ahead_m, right_m)
         ahead_s = math.sqrt(width_m / LANE_CHANGE_M_S2)
         then_m = self._offset_m(
             max(0.0, ahead_m + ahead_s * track.ahead.rate_m_s),

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import (
+    Curvature,
     Discarded,
     Lead,
     Plate,
@@ -78,6 +79,10 @@ class Perception:
         self._schedule.reset()
         self._lane_watch.reset()
         self._drop_tracks()
+
+    def receive_curvature(self, curvature: Curvature | None) -> None:
+        """Take the curvature of the vehicle's path: the lead is the vehicle on it."""
+        self._lane_watch.lane.receive_curvature(curvature)
 
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Process one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from onboard.vision.lane import HostLane, LaneMarkingDetector, LaneShape
+from onboard.observations import Curvature
+from onboard.vision.lane import HostLane, LaneMarkingDetector, LaneShape, lane_of_path
 from onboard.vision.perspective import Perspective
 from sim_rig.rendering.scene import Light, Scene, SceneCar
 from tests.vision.drive import CAMERA, RENDERER
@@ -103,3 +104,36 @@ def test_the_lane_follows_fits_and_decays_without_them() -> None:
     for _ in range(100):
         lane.receive_fit(None)
     assert lane.shape.middle_m(30.0) == pytest.approx(0.0, abs=0.05)
+
+
+def test_without_markings_the_lane_bends_with_the_path_at_once() -> None:
+    lane = HostLane(LANE_M)
+
+    lane.receive_curvature(Curvature(0.0, 1 / 150, 0.0))
+
+    assert lane.shape.middle_m(20.0) == pytest.approx(22.0**2 / 300, rel=0.01)
+    lane.receive_curvature(None)
+    assert lane.shape.middle_m(20.0) == pytest.approx(0.0)
+
+
+def test_markings_say_more_of_the_lane_than_the_path() -> None:
+    lane = HostLane(LANE_M)
+    for _ in range(20):
+        lane.receive_fit(LaneShape(3.5))
+
+    lane.receive_curvature(Curvature(0.0, 1 / 150, 1 / 1000))
+
+    assert lane.shape.middle_m(20.0) == pytest.approx(0.0, abs=0.05)
+    assert lane.path_sigma_m(20.0) < 0.01
+
+
+@pytest.mark.parametrize("radius_m", [150.0, -150.0, 230.0])
+def test_lines_of_a_narrow_bend_are_found_around_the_path(radius_m: float) -> None:
+    """By markings alone, bends are looked for down to a radius of 230 m."""
+    shape = lane_of_path(LANE_M, 1 / radius_m)
+
+    found = FINDER.find(painted(shape), path_curvature_1_m=1.1 / radius_m)
+
+    assert found is not None
+    for ahead_m in (10.0, 20.0, 30.0):
+        assert found.middle_m(ahead_m) == pytest.approx(shape.middle_m(ahead_m), abs=0.5)

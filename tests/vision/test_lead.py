@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from onboard.observations import PlateCandidate
+from onboard.observations import Curvature, PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.lane import HostLane
 from onboard.vision.lead import LeadSelector
@@ -45,7 +45,8 @@ class TrackedRoad:
 
     def __post_init__(self) -> None:
         self.tracker = Tracker(LANE_M)
-        self.choice = LeadSelector(HostLane(LANE_M), needs_vehicle=self.needs_vehicle)
+        self.lane = HostLane(LANE_M)
+        self.choice = LeadSelector(self.lane, needs_vehicle=self.needs_vehicle)
         self.stamp_s = 0.0
 
     def step(self, *detections: Detection) -> VehicleTrack | None:
@@ -72,6 +73,30 @@ def test_a_vehicle_is_the_lead_from_its_third_detection() -> None:
 
     assert lead is not None
     assert lead.ahead.position_m == pytest.approx(20.0)
+
+
+def test_in_a_bend_the_lead_is_the_vehicle_on_the_path_and_not_the_one_straight_ahead() -> None:
+    """At a radius of 150 m, the lane 32 m ahead is where the next lane is on a straight road."""
+    road = TrackedRoad()
+    on_path, next_lane = detection(32.0, 3.8, "GN417KB"), detection(31.0, 0.3, "RD288HX")
+    road.lane.receive_curvature(Curvature(0.0, 1 / 150, 1e-4))
+
+    lead = road.steps(5, on_path, next_lane)
+
+    assert lead is not None
+    assert lead.text == "GN417KB"
+
+
+def test_a_lead_does_not_leave_the_lane_while_the_path_is_uncertain() -> None:
+    for sigma_1_m, is_kept in ((0.0, False), (1 / 300, True)):
+        road = TrackedRoad()
+        road.lane.receive_curvature(Curvature(0.0, 0.0, sigma_1_m))
+        assert road.steps(5, detection(32.0)) is not None
+
+        moved = [detection(32.0, 0.3 * step) for step in range(9)]
+        leads = [road.step(each) for each in moved]
+
+        assert (leads[-1] is not None) is is_kept
 
 
 def box_corners(left: float, top: float, wide: float, high: float) -> Corners:
