@@ -1,10 +1,10 @@
-"""A control unit that broadcasts speed and brake pedal by a DBC file, without I/O."""
+"""A control unit that broadcasts speed, turning and brake pedal by a DBC file, without I/O."""
 
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from onboard.obd.broadcast import SPEED_UNITS, BroadcastSignals
+from onboard.obd.broadcast import ANGLE_UNITS, SPEED_UNITS, BroadcastSignals
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_database import parse_dbc
 from onboard.obd.settings import BroadcastSettings
@@ -21,7 +21,11 @@ class BroadcastUnit:
     """Sends each message that has a named signal at its rate; other signals of it are 0."""
 
     def __init__(
-        self, settings: BroadcastSettings, dbc_text: str, speed_m_s: Callable[[float], float]
+        self,
+        settings: BroadcastSettings,
+        dbc_text: str,
+        speed_m_s: Callable[[float], float],
+        yaw_rate_rad_s: Callable[[float], float] = lambda _now: 0.0,
     ) -> None:
         """Connect the unit to a car.
 
@@ -29,17 +33,27 @@ class BroadcastUnit:
             settings: names of the signals.
             dbc_text: content of the DBC file.
             speed_m_s: speed of the car at a `now`, m/s.
+            yaw_rate_rad_s: of the car, positive to the left (ISO 8855), whatever the settings say.
 
         Raises:
             UserError: as `BroadcastSignals`.
         """
         BroadcastSignals(settings, dbc_text)  # refuses names that are not in the file
         self._speed_m_s = speed_m_s
+        self._yaw_rate_rad_s = yaw_rate_rad_s
+        self._steering_m = settings.steering_m
+        self._angle_unit = settings.angle_unit
         self._values: dict[tuple[str, str], Callable[[Any, float], float]] = {
             _split(name): self._speed(settings.speed_unit) for name in settings.speed
         }
         if settings.brake_pedal is not None:
             self._values[_split(settings.brake_pedal)] = self._pedal
+        for name, angle in (
+            (settings.yaw_rate, self._yaw_rate_rad_s),
+            (settings.steering_angle, self._steering_rad),
+        ):
+            if name is not None:
+                self._values[_split(name)] = self._angle(angle)
         named = {message for message, _ in self._values}
         database = parse_dbc(dbc_text, str(settings.dbc))
         self._messages = [message for message in database.messages if message.name in named]
@@ -54,6 +68,8 @@ class BroadcastUnit:
             cycle_s = (message.cycle_time or 0) / 1000.0 or DEFAULT_CYCLE_S
             # A late one is sent once, and the next ones keep their phase.
             self._due_at[i] += cycle_s * (math.floor((now - self._due_at[i]) / cycle_s) + 1)
+            if self._due_at[i] <= now:  # by rounding
+                self._due_at[i] += cycle_s
             data = message.encode(self._content(message, now), strict=False)
             frames.append(CanFrame(now, message.frame_id, message.is_extended_frame, data))
         return frames
@@ -74,6 +90,15 @@ class BroadcastUnit:
             return self._speed_m_s(now) / SPEED_UNITS[(unit or signal.unit).lower()]
 
         return value
+
+    def _angle(self, angle: Callable[[float], float]) -> Callable[[Any, float], float]:
+        def value(signal: Any, now: float) -> float:
+            return angle(now) / ANGLE_UNITS[(self._angle_unit or signal.unit).lower()]
+
+        return value
+
+    def _steering_rad(self, now: float) -> float:
+        return self._steering_m * self._yaw_rate_rad_s(now) / max(self._speed_m_s(now), 1.0)
 
     def _pedal(self, _signal: Any, now: float) -> float:
         slope_m_s2 = (self._speed_m_s(now) - self._speed_m_s(now - _SLOPE_S)) / _SLOPE_S

@@ -1,11 +1,13 @@
 """Model of camera and perception for virtual runs, without rendering."""
 
+import math
 from collections import deque
 from typing import Protocol
 
 import numpy as np
 
 from onboard.observations import (
+    Curvature,
     Discarded,
     Lead,
     LeadIdentity,
@@ -16,6 +18,7 @@ from onboard.observations import (
     VehicleDetection,
 )
 from onboard.vision.detection import DetectionKind
+from onboard.vision.lane import HostLane, LaneShape
 from onboard.vision.parameters import DEFAULT_PARAMETERS
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.tracker import KEEP_S
@@ -45,6 +48,10 @@ class View(Protocol):
 
     def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
         """Cars ahead with their names, the nearest first; called once per frame."""
+        ...
+
+    def marked_lane(self, at_s: float) -> LaneShape | None:
+        """The host's lane by its lines; `None` without lines."""
         ...
 
     def is_dark(self, at_s: float) -> bool:
@@ -87,7 +94,13 @@ class CameraModel:
         self._plates_by_name: dict[str, PlateReadings] = {}
         self._track_count = 0
         self._in_lane: set[str] = set()
+        self._lane = HostLane(settings.lane_width_m)
+        self._searched_at = -math.inf
         self._events: deque[Observation] = deque()
+
+    def receive_curvature(self, curvature: Curvature | None) -> None:
+        """Take the curvature of the car's path, as perception does."""
+        self._lane.receive_curvature(curvature)
 
     def get_timer(self) -> float:
         """Return when the observations of the next image are due."""
@@ -116,6 +129,9 @@ class CameraModel:
             self._is_lost = False
             self._events.append(SensorRecovered(stamp_s, Sensor.CAMERA))
         found = self._detected(image_at, stamp_s)
+        if stamp_s - self._searched_at >= DEFAULT_PARAMETERS.search_period_s - 0.5 / FPS:
+            self._searched_at = stamp_s
+            self._lane.receive_fit(self._view.marked_lane(image_at))
         lead = self._lead(stamp_s)
         for name, car in found:
             track = self._tracks_by_name[name]
@@ -174,15 +190,22 @@ class CameraModel:
         inside = {
             name: track
             for name, track in self._tracks_by_name.items()
-            if track.is_confirmed and abs(track.right_m) <= self._limit_m(name)
+            if track.is_confirmed
+            and abs(self._offset_m(track, stamp_s)) <= self._limit_m(name, track, stamp_s)
         }
         self._in_lane = set(inside)
         fresh = [track for track in inside.values() if stamp_s - track.seen_at <= BLINK_S]
         return min(fresh or inside.values(), key=lambda track: track.gap_m(stamp_s), default=None)
 
-    def _limit_m(self, name: str) -> float:
-        share = LEAVE if name in self._in_lane else ENTER
-        return share * self._settings.lane_width_m
+    def _offset_m(self, track: CameraTrack, stamp_s: float) -> float:
+        """Distance to the right of the lane's middle."""
+        return track.right_m - self._lane.shape.middle_m(track.gap_m(stamp_s))
+
+    def _limit_m(self, name: str, track: CameraTrack, stamp_s: float) -> float:
+        lane_m = self._settings.lane_width_m
+        if name not in self._in_lane:
+            return ENTER * lane_m
+        return LEAVE * lane_m + self._lane.path_sigma_m(track.gap_m(stamp_s))
 
     def _report_lead(self, lead: CameraTrack | None, stamp_s: float) -> None:
         if lead is None:

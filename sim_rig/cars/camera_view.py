@@ -5,9 +5,11 @@ heading; plates are visible only from behind.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from onboard.vision.lane import LaneShape
 from onboard.vision.settings import Calibration
 from sim_rig.rendering.scene import Scene, SceneCar
 from sim_rig.roads.road import Road
@@ -43,6 +45,10 @@ SMALL_LENS = calibration(LensSettings(width_px=320, focal_px=800.0))
 
 SIGHT_M = 120.0
 """Range of the camera."""
+MARKINGS_AHEAD_M = tuple(np.linspace(5.0, 35.0, 13).tolist())
+"""Distances at which lines are seen: those of `LaneMarkingDetector`."""
+DRAWN_AHEAD_M = tuple(np.linspace(0.0, 200.0, 101).tolist())
+"""Points of a bend that pictures show."""
 OTHER_LEVEL_M = 2.0
 """Cars on a road that is higher or lower by this are hidden by the bridge."""
 COLOURS_BGR = {
@@ -72,6 +78,7 @@ class CameraView:
         self._road = road
         self._car = car
         self._rng = rng
+        self._road_settings = scenario.roads[scenario.cars[car].road]
         self._misread = [
             fault
             for fault in scenario.faults
@@ -84,6 +91,7 @@ class CameraView:
             cars=tuple(car for _, car in self.cars(at_s)),
             lane_width_m=self._scenario.lane_width_m,
             travelled_m=self._road.car_at(self._car, at_s).front_m,
+            middle_m=self._lane_ahead(at_s, DRAWN_AHEAD_M) if self._road_settings.bends else (),
         )
 
     def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
@@ -114,6 +122,21 @@ class CameraView:
             )
             cars.append((name, seen))
         return sorted(cars, key=lambda each: each[1].ahead_m)
+
+    def marked_lane(self, at_s: float) -> LaneShape | None:
+        """The host's lane by its lines, as the shipped camera fits them; `None` without lines."""
+        points = self._lane_ahead(at_s, MARKINGS_AHEAD_M) if self._road_settings.marked else ()
+        if not points:
+            return None
+        ahead_m, right_m = zip(*points, strict=True)
+        bend, heading, offset_m = np.polyfit(ahead_m, right_m, 2)
+        lane_width_m = self._scenario.lane_width_m
+        return LaneShape(lane_width_m, float(offset_m), float(heading), 2.0 * float(bend))
+
+    def _lane_ahead(self, at_s: float, ahead_m: Sequence[float]) -> tuple[tuple[float, float], ...]:
+        own = self._road.car_at(self._car, at_s)
+        points = self._road.lane_ahead(self._car, at_s, ahead_m)
+        return tuple(own.seen_from_front(*point) for point in points)
 
     def is_dark(self, at_s: float) -> bool:
         """Whether the images are black."""

@@ -33,6 +33,8 @@ class FaultyEcu:
         speed_m_s: Callable[[float], float],
         at_s: Callable[[float], float],
         rng: np.random.Generator,
+        *,
+        yaw_rate_rad_s: Callable[[float], float] = lambda _now: 0.0,
     ) -> None:
         """Connect the ECU to a car.
 
@@ -42,6 +44,7 @@ class FaultyEcu:
             speed_m_s: true speed of the car at a `now`, m/s.
             at_s: time since the start of the scenario at a `now`, s.
             rng: source of the babbling node's frames, and of when speeds are taken.
+            yaw_rate_rad_s: true one of the car at a `now`, positive to the left.
         """
         self._scenario = scenario
         self._car = car
@@ -57,7 +60,9 @@ class FaultyEcu:
         self._broadcast = (
             None
             if signals is None
-            else BroadcastUnit(signals, read_dbc(signals.dbc), self._scaled_speed_m_s)
+            else BroadcastUnit(
+                signals, read_dbc(signals.dbc), self._scaled_speed_m_s, yaw_rate_rad_s
+            )
         )
         self._refresh_s = scenario.ecu.refresh_s
         self._phase_s = float(rng.uniform(0.0, self._refresh_s)) if self._refresh_s else 0.0

@@ -14,7 +14,7 @@ rears with one side, those with another heading plain boxes; the nearest are pai
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import cv2
 import numpy as np
@@ -32,7 +32,7 @@ Quad = npt.NDArray[np.float32]
 _TAG_PX = 128
 _TAG_CARD = 1.25
 """Side of the white card over the side of the tag's black square."""
-TURNED_RAD = 0.1
+TURNED_RAD = 0.3
 """Largest heading difference, from the camera's car, at which a rear plate is readable."""
 _NEAREST_M = 1.0
 """Nearer parts are not drawn."""
@@ -132,6 +132,8 @@ class Scene:
     travelled_m: float = 0.0
     """Distance travelled by the host, which moves the lane markings."""
     light: Light = Light.DAY
+    middle_m: tuple[tuple[float, float], ...] = ()
+    """The middle of the host's lane, ahead and to the right of the camera; straight if empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +196,13 @@ class CameraRenderer:
     def _upright_quad(
         self, car: SceneCar, bottom_m: float, top_m: float, half_width_m: float
     ) -> Quad:
-        left, right = car.lateral_m - half_width_m, car.lateral_m + half_width_m
+        across_m = half_width_m * math.cos(car.heading_rad)
+        along_m = half_width_m * math.sin(car.heading_rad)
+        left, right = (
+            (car.ahead_m - way * along_m, car.lateral_m + way * across_m) for way in (-1.0, 1.0)
+        )
         corners = ((left, top_m), (right, top_m), (right, bottom_m), (left, bottom_m))
-        return np.asarray([self.project(car.ahead_m, x, y) for x, y in corners], np.float32)
+        return np.asarray([self.project(*point, y) for point, y in corners], np.float32)
 
     def _paint_car(self, image: Image, car: SceneCar, look: _Look) -> None:
         contrast = math.exp(-car.ahead_m / look.sight_m)
@@ -232,10 +238,11 @@ class CameraRenderer:
         edge_m = car.lateral_m - math.copysign(car.width_m / 2, car.lateral_m)
         front_m = car.ahead_m + car.length_m
         waist_m = 0.6 * car.height_m
+        front_edge_m = edge_m + car.length_m * math.sin(car.heading_rad)
         points = [
             self.project(car.ahead_m, edge_m, 0.15),
-            self.project(front_m, edge_m, 0.15),
-            self.project(front_m, edge_m, waist_m),
+            self.project(front_m, front_edge_m, 0.15),
+            self.project(front_m, front_edge_m, waist_m),
             self.project(car.ahead_m, edge_m, waist_m),
         ]
         shade = [float(0.6 * brightness * c + v) for c, v in zip(car.colour_bgr, veil, strict=True)]
@@ -279,42 +286,78 @@ class CameraRenderer:
         left_m = -(scene.lanes_left + 0.5) * scene.lane_width_m
         right_m = (scene.lanes_right + 0.5) * scene.lane_width_m
         near_m, far_m = 2.0, 400.0
-        self._fill_strip(image, (near_m, far_m), (left_m - 0.6, right_m + 0.6), look.road_bgr)
+        fill = partial(self._fill_strip, image, _bent_lane(scene))
+        fill((near_m, far_m), (left_m - 0.6, right_m + 0.6), look.road_bgr)
         paint = tuple(min(255, round(2.1 * channel)) for channel in look.road_bgr)
         for edge_m in (left_m, right_m):
-            self._fill_strip(image, (near_m, far_m), (edge_m - 0.08, edge_m + 0.08), paint)
+            fill((near_m, far_m), (edge_m - 0.08, edge_m + 0.08), paint)
         for number in range(1, scene.lanes_left + scene.lanes_right + 1):
             line_m = left_m + number * scene.lane_width_m
             # 3 m of line, 9 m of gap, as is common on motorways.
             for start_m in np.arange(-(scene.travelled_m % 12.0), 150.0, 12.0):
                 span_m = (max(near_m, start_m), start_m + 3.0)
                 if span_m[0] < span_m[1]:
-                    self._fill_strip(image, span_m, (line_m - 0.07, line_m + 0.07), paint)
+                    fill(span_m, (line_m - 0.07, line_m + 0.07), paint)
         return image
 
     def _fill_strip(
         self,
         image: Image,
+        lane: "_BentLane | None",
         ahead_m: tuple[float, float],
         lateral_m: tuple[float, float],
         bgr: tuple[int, ...],
     ) -> None:
-        """A rectangle lying on the road."""
-        corners = [
-            self.project(ahead_m[0], lateral_m[0], 0.0),
-            self.project(ahead_m[1], lateral_m[0], 0.0),
-            self.project(ahead_m[1], lateral_m[1], 0.0),
-            self.project(ahead_m[0], lateral_m[1], 0.0),
-        ]
-        cv2.fillConvexPoly(
-            image, np.rint(np.asarray(corners) * 16).astype(np.int32), bgr, cv2.LINE_AA, 4
-        )
+        """A strip along the road; without a bend, a rectangle."""
+        (near_m, far_m), (left_m, right_m) = ahead_m, lateral_m
+        if lane is None:
+            outline = [(near_m, left_m), (far_m, left_m), (far_m, right_m), (near_m, right_m)]
+        else:
+            outline = lane.outline(ahead_m, lateral_m)
+        corners = [self.project(*point, 0.0) for point in outline]
+        pixels = np.rint(np.asarray(corners) * 16).astype(np.int32)
+        if lane is None:
+            cv2.fillConvexPoly(image, pixels, bgr, cv2.LINE_AA, 4)
+        else:
+            cv2.fillPoly(image, [pixels], bgr, cv2.LINE_AA, 4)
 
     def _with_noise(self, image: Image, share: float, rng: np.random.Generator) -> Image:
         row, column = (int(start) for start in rng.integers(0, 64, 2))
         grain = self._noise[row : row + image.shape[0], column : column + image.shape[1]]
         noisy = cv2.addWeighted(image, 1.0, grain, share, -128.0 * share)
         return np.asarray(noisy, np.uint8)
+
+
+class _BentLane:
+    """Places on the road by the distance along the lane and to the right of its middle."""
+
+    STEP_M = 2.0
+
+    def __init__(self, middle_m: tuple[tuple[float, float], ...]) -> None:
+        self._middle = np.asarray(middle_m)
+        steps = np.diff(self._middle, axis=0)
+        lengths = np.hypot(*steps.T)
+        self._along = np.concatenate([[0.0], np.cumsum(lengths)])
+        across = np.stack([-steps[:, 1], steps[:, 0]], axis=1) / lengths[:, None]
+        self._across = np.concatenate([across, across[-1:]])
+
+    def outline(
+        self, along_m: tuple[float, float], right_m: tuple[float, float]
+    ) -> list[tuple[float, float]]:
+        """Ahead and right of the camera: up on the left side, and back on the right one."""
+        begin_m, end_m = along_m[0], min(along_m[1], float(self._along[-1]))
+        at = np.linspace(begin_m, end_m, max(2, math.ceil((end_m - begin_m) / self.STEP_M)))
+        middle, across = (
+            np.stack([np.interp(at, self._along, column) for column in table.T], axis=1)
+            for table in (self._middle, self._across)
+        )
+        left, right = (middle + each * across for each in right_m)
+        points = [*left.tolist(), *reversed(right.tolist())]
+        return [(max(ahead_m, _NEAREST_M), right_m) for ahead_m, right_m in points]
+
+
+def _bent_lane(scene: Scene) -> _BentLane | None:
+    return _BentLane(scene.middle_m) if scene.middle_m else None
 
 
 def warp_onto(image: Image, texture: Image, quad: Quad) -> None:

@@ -1,10 +1,10 @@
 """Motion of a scenario's cars: speed and lane at breakpoints, or a recorded trajectory."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from typing_extensions import override
 
-from sim_rig.roads.path import Path, heading_rad
+from sim_rig.roads.path import Path, Point, bent_m, heading_rad
 from sim_rig.roads.piecewise_linear import Breakpoints, PiecewiseLinear
 from sim_rig.roads.road import CarState, Road
 from sim_rig.roads.trace_files import read_trace
@@ -49,6 +49,11 @@ class BreakpointRoad(Road):
         self._at_s = -1.0
 
     @override
+    def lane_ahead(self, car: str, at_s: float, ahead_m: Sequence[float]) -> Sequence[Point]:
+        drive = self._cars[car]
+        return drive.lane_ahead(at_s, ahead_m) if isinstance(drive, _Drive) else []
+
+    @override
     def car_at(self, car: str, at_s: float) -> CarState:
         return self._cars[car].state(at_s)
 
@@ -58,7 +63,8 @@ class _Drive:
 
     def __init__(self, car: ScenarioCar, road: RoadSettings, lane_width_m: float) -> None:
         self._car = car
-        self._path = Path(road.points_m)
+        bends = [(bend.from_m, bend.until_m, bend.radius_m) for bend in road.bends]
+        self._path = Path(bent_m(bends) if bends else road.points_m)
         self._elevation_m = road.elevation_m
         self._lane = PiecewiseLinear(car.lane)
         self._lane_width_m = lane_width_m
@@ -75,6 +81,12 @@ class _Drive:
         self._speed_m_s = PiecewiseLinear(course)
         *_, driven_m = self._speed_m_s.sample(0.0)
         self._zero_m = self._car.start_m - driven_m
+
+    def lane_ahead(self, at_s: float, ahead_m: Sequence[float]) -> Sequence[Point]:
+        """See `Road.lane_ahead`."""
+        *_, driven_m = self._speed_m_s.sample(at_s)
+        left_m = round(self._lane.value(at_s) - 1) * self._lane_width_m
+        return [self._path.place(self._zero_m + driven_m + each, left_m) for each in ahead_m]
 
     def state(self, at_s: float) -> CarState:
         speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)

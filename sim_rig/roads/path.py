@@ -32,6 +32,33 @@ class Path:
         return x + on_m * dx - left_m * dy, y + on_m * dy + left_m * dx
 
 
+def bent_m(bends: Sequence[tuple[float, float, float]], step_m: float = 1.0) -> list[Point]:
+    """Points of a road that begins at the origin eastwards and bends.
+
+    Args:
+        bends: start and end along the road and radius of each, in m, positive to the right.
+        step_m: distance of the points in bends.
+    """
+    points, heading, along_m = [(0.0, 0.0)], 0.0, 0.0
+
+    def go_on(length_m: float, turned_rad: float) -> None:
+        nonlocal heading
+        x, y = points[-1]
+        middle = heading + turned_rad / 2
+        points.append((x + length_m * math.cos(middle), y + length_m * math.sin(middle)))
+        heading += turned_rad
+
+    for from_m, until_m, radius_m in bends:
+        if from_m > along_m:
+            go_on(from_m - along_m, 0.0)
+        steps = max(1, round((until_m - from_m) / step_m))
+        for _ in range(steps):
+            go_on((until_m - from_m) / steps, -(until_m - from_m) / steps / radius_m)
+        along_m = until_m
+    go_on(1.0, 0.0)
+    return points
+
+
 def heading_rad(rear: Point, front: Point) -> float:
     """Heading of a car with its bumpers at these positions."""
     return math.atan2(front[0] - rear[0], front[1] - rear[1])

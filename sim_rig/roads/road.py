@@ -4,7 +4,7 @@ The breakpoints of a scenario (`breakpoints.py`) are one source.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -61,3 +61,19 @@ class Road(Protocol):
     def car_at(self, car: str, at_s: float) -> CarState:
         """State of one car at `at_s`."""
         ...
+
+    def lane_ahead(
+        self, car: str, at_s: float, ahead_m: Sequence[float]
+    ) -> Sequence[tuple[float, float]]:
+        """Points of the middle of a car's lane, ahead of its front; none for recorded cars."""
+        ...
+
+
+_TURN_S = 0.1
+
+
+def yaw_rate_rad_s(road: Road, car: str, at_s: float) -> float:
+    """How fast a car turns, positive to the left (ISO 8855)."""
+    before, after = (road.car_at(car, max(at_s + by_s, 0.0)) for by_s in (-_TURN_S, _TURN_S))
+    turned_rad = math.remainder(before.heading_rad - after.heading_rad, math.tau)
+    return turned_rad / (2.0 * _TURN_S)

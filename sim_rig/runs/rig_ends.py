@@ -20,7 +20,7 @@ from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.cars.vehicle_faults import VehicleFaults
 from sim_rig.radio.iwcu import RadioUnits
-from sim_rig.roads.road import CarState, Road
+from sim_rig.roads.road import CarState, Road, yaw_rate_rad_s
 from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.scenario.schema import Scenario
@@ -101,6 +101,7 @@ class RigEnds:
             speed_m_s=lambda now: self._road.car_at(car, self._at_s(now)).speed_m_s,
             at_s=self._at_s,
             rng=np.random.default_rng(self._seed),
+            yaw_rate_rad_s=lambda now: yaw_rate_rad_s(self._road, car, self._at_s(now)),
         )
 
         def record(frame: CanFrame) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.cars.vehicle_faults import VehicleFaults
-from sim_rig.roads.road import CarState, Road
+from sim_rig.roads.road import CarState, Road, yaw_rate_rad_s
 from sim_rig.run_log.run_log import Record
 from sim_rig.runs.virtual_recorder import VirtualRecorder
 from sim_rig.scenario.car_config import car_config, gnss_config
@@ -98,6 +99,7 @@ class VirtualCar:
             speed_m_s=lambda now: road.car_at(name, now).speed_m_s,
             at_s=lambda now: now,
             rng=ecu_rng,
+            yaw_rate_rad_s=partial(yaw_rate_rad_s, road, name),
         )
         self._devices: list[tuple[Device, _Reader]] = []
         if scenario.gnss is not None:
@@ -136,6 +138,7 @@ class VirtualCar:
         frames = self._ecu.frames_to_send(now)
         for frame in frames:
             self._on_ecu_frame(frame)
+        self._camera.receive_curvature(self._stack.curvature(now))
         self._camera.handle_timer(now)
         seen: list[Observation] = list(iter(self._camera.next_event, None))
         observations = [

@@ -73,11 +73,36 @@ LaneCourse = Annotated[
 Sentence = Annotated[str, StringConstraints(pattern=r"^[A-Z].{10,}[.]$")]
 
 
+class RoadBend(Settings):
+    """A bend of a road, between two distances along it."""
+
+    from_m: float = Field(ge=0.0)
+    until_m: float
+    radius_m: float = Field(ge=-10_000.0, le=10_000.0)
+    """Positive to the right, as in SAE J2735."""
+
+    @model_validator(mode="after")
+    def _turns(self) -> Self:
+        if abs(self.radius_m) < _LEAST_RADIUS_M:
+            raise ValueError(f"radius_m must be {_LEAST_RADIUS_M:g} or more on either side")
+        if self.until_m <= self.from_m:
+            raise ValueError("until_m must be after from_m")
+        return self
+
+
+_LEAST_RADIUS_M = 10.0
+EASTWARDS_M = ((0.0, 0.0), (1.0, 0.0))
+
+
 class RoadSettings(Settings):
     """Course of lane 1 of a road."""
 
-    points_m: tuple[tuple[Metres, Metres], ...] = Field(min_length=2)
+    points_m: tuple[tuple[Metres, Metres], ...] = Field(default=EASTWARDS_M, min_length=2)
     """East and north of the scenario's origin; straight in between and beyond both ends."""
+    bends: tuple[RoadBend, ...] = ()
+    """Instead of points: from the origin eastwards, and straight where it does not bend."""
+    marked: bool = False
+    """Whether cameras of virtual runs find the lines of its lanes; pictures always show them."""
     elevation_m: float = Field(default=0.0, ge=-100.0, le=100.0)
     """Height of the road; roads at different heights do not conflict."""
 
@@ -87,8 +112,16 @@ class RoadSettings(Settings):
             raise ValueError("two points of a road that follow each other must differ")
         return self
 
+    @model_validator(mode="after")
+    def _has_one_course(self) -> Self:
+        if self.bends and "points_m" in self.model_fields_set:
+            raise ValueError("bends exclude points_m")
+        if any(after.from_m < before.until_m for before, after in pairwise(self.bends)):
+            raise ValueError("bends must follow each other")
+        return self
 
-EASTWARDS = {"road": RoadSettings(points_m=((0.0, 0.0), (1.0, 0.0)))}
+
+EASTWARDS = {"road": RoadSettings()}
 
 
 class ScenarioCar(Settings):

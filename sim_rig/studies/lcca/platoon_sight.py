@@ -112,6 +112,9 @@ class ClearView:
         """`cars` gives those ahead at a time, as `View`."""
         self.cars = cars
 
+    def marked_lane(self, _at_s: float) -> None:
+        """Without lines."""
+
     def is_dark(self, _at_s: float) -> bool:
         """Never."""
         return False

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from cantools.database import Database, load_file, load_string
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from onboard.errors import UserError
@@ -13,7 +13,7 @@ from onboard.kinematics.units import KM_H
 from onboard.obd.broadcast import BroadcastSignals
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import BroadcastSettings
-from onboard.observations import BrakePedal, Speed
+from onboard.observations import BrakePedal, Speed, Steering, YawRate
 from sim_rig.cars.broadcast_unit import BroadcastUnit
 from sim_rig.scenario.catalogue import SCENARIOS
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -71,6 +71,7 @@ def test_a_message_without_a_rate_is_sent_fifty_times_a_second() -> None:
 
 
 @given(late_s=st.floats(0.0, 5.0))
+@example(late_s=0.58)
 def test_after_a_pause_each_message_comes_once_and_keeps_its_phase(late_s: float) -> None:
     sender = unit()
     assert len(sender.frames_to_send(late_s)) == 2
@@ -112,3 +113,29 @@ def test_a_scenario_names_a_dbc_file_of_the_rig_or_of_ones_own(tmp_path: Path) -
     broadcast = Scenario.model_validate(tree).cars["green"].broadcast
     assert broadcast is not None
     assert broadcast.dbc == own
+
+
+@pytest.mark.parametrize("yaw_rate_rad_s", [0.1, -0.05])
+def test_the_cars_decoder_reads_how_the_car_turns(yaw_rate_rad_s: float) -> None:
+    settings = BroadcastSettings(
+        dbc=DBC, yaw_rate="TURNING.YAW_RATE", steering_angle="TURNING.STEERING_ANGLE"
+    )
+    text = DBC.read_text("latin-1")
+    sender = BroadcastUnit(settings, text, lambda _now: 15.0, lambda _now: yaw_rate_rad_s)
+    decoder = BroadcastSignals(settings, text)
+
+    yaw_rate, steering = decoder.receive_frame(sender.frames_to_send(0.0)[0])
+
+    assert a(YawRate, yaw_rate).yaw_rate_rad_s == pytest.approx(-yaw_rate_rad_s, abs=1e-4)
+    assert a(Steering, steering).curvature_1_m == pytest.approx(-yaw_rate_rad_s / 15.0, abs=1e-4)
+
+
+def test_the_bus_of_a_car_counts_to_the_left_whatever_the_settings_say() -> None:
+    """So a scenario has a sensor of the wrong sign by a mistake in the settings, as a user does."""
+    right = BroadcastSettings(dbc=DBC, yaw_rate="TURNING.YAW_RATE", yaw_rate_positive="right")
+    text = DBC.read_text("latin-1")
+    sender = BroadcastUnit(right, text, lambda _now: 15.0, lambda _now: 0.1)
+
+    (yaw_rate,) = BroadcastSignals(right, text).receive_frame(sender.frames_to_send(0.0)[0])
+
+    assert a(YawRate, yaw_rate).yaw_rate_rad_s == pytest.approx(0.1, abs=1e-4)

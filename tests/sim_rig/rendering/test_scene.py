@@ -145,3 +145,30 @@ def test_warping_outside_the_picture_leaves_it_alone() -> None:
     quad = np.asarray([(30, 30), (40, 30), (40, 40), (30, 40)], np.float32)
     warp_onto(image, texture, quad)
     assert (image == 77).all()
+
+
+def test_a_bend_shows_its_line_where_the_camera_projects_it() -> None:
+    """The right border of the road, 30 m along a bend of 100 m to the right."""
+    radius_m, right_m = 100.0, 5.25
+    angles = np.linspace(0.0, 1.0, 101)
+    middle = [(radius_m * math.sin(a), radius_m * (1.0 - math.cos(a))) for a in angles]
+    bent, straight = (
+        still().draw(Scene(middle_m=tuple(points)), rng()).astype(int) for points in (middle, [])
+    )
+    turned = 30.0 / radius_m
+    ahead_m = (radius_m - right_m) * math.sin(turned)
+    lateral_m = radius_m - (radius_m - right_m) * math.cos(turned)
+    u, v = (round(each) for each in still().project(ahead_m, lateral_m, 0.0))
+
+    assert bent[v, u - 1 : u + 2].max() > 180
+    assert straight[v, u - 1 : u + 2].max() < 180
+
+
+def test_the_plate_of_a_car_that_is_turned_a_little_is_narrower_and_aslant() -> None:
+    level, turned = (
+        still().plate_quad(SceneCar(20.0, 0.0, heading_rad=angle, plate="ABC1234"))
+        for angle in (0.0, 0.2)
+    )
+
+    assert np.ptp(turned[:, 0]) == pytest.approx(np.ptp(level[:, 0]) * math.cos(0.2), rel=0.02)
+    assert turned[1, 1] > level[1, 1]  # its right end is nearer
