@@ -88,6 +88,10 @@ class Tap:
         """See `Stack`."""
         return self._stack.known_signer(wsm)
 
+    def certificate_in(self, wsm: WaveShortMessage) -> tuple[bytes, bool] | None:
+        """See `Stack`."""
+        return self._stack.certificate_in(wsm)
+
     def get_timer(self) -> float:
         """See `Stack`."""
         return self._stack.get_timer()

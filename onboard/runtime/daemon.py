@@ -34,7 +34,7 @@ from onboard.security.pseudonyms import ENTROPY_BYTES
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.wave_link import bsm_sender, certificate_in
+from onboard.vehicle.wave_link import bsm_sender
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.receive_turns import ReceiveTurns
@@ -90,7 +90,10 @@ class Daemon:
         )
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(
-            config.lcca_psid, bsm_sender, self._stack.known_signer, certificate_in
+            config.lcca_psid,
+            bsm_sender,
+            self._stack.known_signer,
+            self._stack.certificate_in,
         )
         self._turns = ReceiveTurns(self._wsms, time.monotonic)
         self._inbox: deque[Item] = deque()

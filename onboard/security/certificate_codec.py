@@ -156,6 +156,16 @@ def read_certificate(reader: OerReader) -> Certificate:
     return Certificate(subject, issuer_id, to_be_signed, signature, encoded)
 
 
+def read_issuer_id(reader: OerReader) -> bytes | None:
+    """Return the HashedId8 of the next certificate's issuer; `None` if it is signed by itself.
+
+    Raises:
+        Malformed, Unsupported: it is no certificate, or its issuer is not named by SHA-256.
+    """
+    reader.take(3)  # presence bits, version, type
+    return _read_issuer(reader)
+
+
 @dataclass(slots=True)
 class _Canonical:
     """Builds the canonical encoding of what a reader reads."""

@@ -9,7 +9,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from onboard.security import oer, p256
-from onboard.security.certificate_codec import encode_signature, read_certificate, read_signature
+from onboard.security.certificate_codec import (
+    encode_signature,
+    read_certificate,
+    read_issuer_id,
+    read_signature,
+)
 from onboard.security.certificates import Certificate
 from onboard.security.its_time import from_time64
 from onboard.security.oer import Malformed, OerReader, Unsupported
@@ -68,6 +73,15 @@ class SignedData:
     def generation_utc_s(self) -> float | None:
         """Generation time in seconds since 1970."""
         return None if self.generation_time64 is None else from_time64(self.generation_time64)
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedCertificate:
+    """What tells a certificate in a message from others, unverified."""
+
+    hashed_id8: bytes
+    issuer_id: bytes | None
+    """HashedId8 of the issuer's certificate; `None` if it is signed by itself."""
 
 
 def encode_unsecured(payload: bytes) -> bytes:
@@ -168,30 +182,33 @@ def signer_in(data: bytes) -> bytes | None:
     At a fraction of the cost of `decode`; `None` for other data and for several certificates. For a
     certificate in another than the canonical form it is another value.
     """
-    return _signer_in(data)[0]
+    signer = _signer_in(data)
+    return signer.hashed_id8 if isinstance(signer, CarriedCertificate) else signer
 
 
-def certificate_in(data: bytes) -> bytes | None:
-    """Return the HashedId8 as `signer_in` if signed `data` carries the certificate; else `None`."""
-    hashed_id8, is_carried = _signer_in(data)
-    return hashed_id8 if is_carried else None
+def certificate_in(data: bytes) -> CarriedCertificate | None:
+    """Return the certificate that signed `data` carries, as `signer_in`; `None` without one."""
+    signer = _signer_in(data)
+    return signer if isinstance(signer, CarriedCertificate) else None
 
 
-def _signer_in(data: bytes) -> tuple[bytes | None, bool]:
-    """Return the HashedId8 of the signer, and whether its certificate is there."""
+def _signer_in(data: bytes) -> bytes | CarriedCertificate | None:
+    """Return the HashedId8 of the signer, or its certificate if that is there."""
     reader = OerReader(data)
     try:
         if _read_content(reader) != 1:
-            return None, False
+            return None
         reader.byte()
         _read_to_be_signed(reader)
         if reader.choice() == 0:
-            return reader.take(8), False
+            return reader.take(8)
         if reader.unsigned() != 1:
-            return None, False
+            return None
+        certificate = data[reader.position : -_SIGNATURE_BYTES]
+        hashed_id8 = hashlib.sha256(certificate).digest()[-8:]
+        return CarriedCertificate(hashed_id8, read_issuer_id(reader))
     except (Malformed, Unsupported):
-        return None, False
-    return hashlib.sha256(data[reader.position : -_SIGNATURE_BYTES]).digest()[-8:], True
+        return None
 
 
 def _read_content(reader: OerReader) -> int:

@@ -6,9 +6,10 @@ that certificate answers with it and those above it, but the root (Ieee1609dot2P
 
 Anybody can make up issuers, thousands a second. So while there are many, an issuer is asked for
 only when a message comes under it again after `SIGHTED_S`, as of a vehicle that drives beside. Who
-keeps that up as well can still fill the requests. So a vehicle that hears such an issuer also sends
-the certificates above its own, as if it had been asked: the other one lacks them, most likely. An
-answer is verified if its issuer was named in a message lately, asked for or not.
+keeps that up as well can still fill the requests. So a vehicle that hears an unknown issuer also
+sends the certificates above its own, as if it had been asked: the other one lacks them, most
+likely. An answer is verified if its issuer was named in a message lately, asked for or not, and
+another one in `UNNAMED_S`: messages that name it may be lost among those that are made up.
 
 A request is honoured unverified, for who asks is often unknown to whom it asks. Anybody can make a
 vehicle answer, so a certificate is sent at most once in `ANSWER_INTERVAL_S`, and not after
@@ -37,6 +38,8 @@ REQUEST_INTERVAL_S = 1.0
 """Between requests for one issuer: one message of ten asks."""
 REQUEST_LIFETIME_S = 5.0
 """For which an issuer is asked for, and an answer taken, after a message under it."""
+UNNAMED_S = 0.1
+"""Between two answers that are verified though no message has named their issuer."""
 BACKOFF_S = 0.25
 """Within which answers are spread."""
 ANSWER_INTERVAL_S = 1.0
@@ -102,6 +105,8 @@ class CertificateDistribution(Core):
         self._waiting: dict[bytes, tuple[float, int]] = {}
         """When to answer, and the answers of others, by HashedId3."""
         self._answered_at: dict[bytes, float] = {}
+        self._unnamed_at = -math.inf
+        """When the next answer is verified whose issuer no message has named."""
 
     def use_certificate(self, hashed_id8: bytes, issuer_id: bytes | None = None) -> None:
         """Take the HashedId8 of the own certificate, which spreads the answers of vehicles.
@@ -124,9 +129,9 @@ class CertificateDistribution(Core):
         self._sighted[issuer_id] = first_at, now
         if len(self._sighted) > MOST_SIGHTED:
             self._sighted.popitem(last=False)
+        self.receive_request(self._own_issuer, now)
         if now - first_at >= SIGHTED_S or len(self._sighted) <= MOST_REQUESTED:
             self._place_request(issuer_id)
-            self.receive_request(self._own_issuer, now)
 
     def _place_request(self, issuer_id: bytes) -> None:
         """Plan to ask for an issuer, if there is a place or one that was asked for."""
@@ -160,13 +165,20 @@ class CertificateDistribution(Core):
                 break
             del self._sighted[issuer_id]
 
-    def wanted(self, certificates: Iterable[Certificate], now: float) -> list[Certificate]:
+    def wanted(
+        self, certificates: Iterable[Certificate], now: float, *, is_known: bool
+    ) -> list[Certificate]:
         """Take an answer of another vehicle; return it, the topmost certificate first.
 
         Certificates are told apart by HashedId8: one with the HashedId3 of another is soon found.
 
+        Args:
+            certificates: the answer.
+            now: the time.
+            is_known: whether its first certificate is.
+
         Returns:
-            nothing, if no message came under its first certificate lately.
+            nothing, if it is known, or is neither named in a message nor has its turn.
         """
         chain = list(certificates)
         issuer_id = chain[0].hashed_id8
@@ -177,8 +189,12 @@ class CertificateDistribution(Core):
             if others + 1 >= ENOUGH_ANSWERS:
                 del self._waiting[answered]
         self._forget(now)
-        if self._sighted.pop(issuer_id, None) is None:
+        if is_known:
             return []
+        if self._sighted.pop(issuer_id, None) is None:
+            if now < self._unnamed_at:
+                return []
+            self._unnamed_at = now + UNNAMED_S
         self._requested.pop(issuer_id, None)
         return chain[::-1]
 

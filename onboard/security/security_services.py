@@ -32,6 +32,8 @@ of SAE J2945/1. Group messages always carry it: a warning cannot wait for the ne
 
 _MAX_VERIFIED_SIGNERS = 1024
 """More vehicles than are in radio range on any road."""
+_MAX_FORGED = 8192
+"""Forged certificates that are remembered, the last ones: 5 s of 1,500 verified a second."""
 _MAX_REPLAY_DIGESTS = 32_768
 """Size of the replay window: 5 s of 6,000 messages a second."""
 
@@ -90,6 +92,8 @@ class SecurityServices:
         self._last_generation = 0
         self._replays = ReplayWindow(round(MESSAGE_LIFETIME_S * 1e6), capacity=_MAX_REPLAY_DIGESTS)
         self._verified_signers: OrderedDict[bytes, None] = OrderedDict()
+        self._forged: OrderedDict[bytes, None] = OrderedDict()
+        """HashedId8 of certificates that their issuers did not sign, as they were received."""
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
@@ -126,6 +130,15 @@ class SecurityServices:
     def has_verified(self, signer_id: bytes) -> bool:
         """Whether a signature by this HashedId8 was valid, among the signers heard last."""
         return signer_id in self._verified_signers
+
+    def can_verify(self, carried: ieee1609dot2.CarriedCertificate) -> bool:
+        """Whether a certificate may be valid: its issuer is known, and did not deny it before."""
+        return (
+            self._trust is not None
+            and carried.issuer_id is not None
+            and self._trust.find(carried.issuer_id) is not None
+            and carried.hashed_id8 not in self._forged
+        )
 
     def is_road_side_unit(self, signer_id: bytes) -> bool:
         """Whether a received certificate, by its HashedId8, permits MAP or SPAT, and no BSM."""
@@ -222,6 +235,8 @@ class SecurityServices:
         except NotTrusted as refusal:
             if refusal.reason is RejectionReason.UNKNOWN_ISSUER:
                 self.distribution.receive_unknown_issuer(bytes.fromhex(refusal.detail), now)
+            elif refusal.reason is RejectionReason.BAD_CERTIFICATE:
+                self._receive_forged(ieee1609dot2.certificate_in(data))
             raise
 
     def receive_ca_certs(self, data: bytes, now: float) -> None:
@@ -238,8 +253,15 @@ class SecurityServices:
             raise NotTrusted(RejectionReason.MALFORMED, str(malformed)) from malformed
         except Unsupported as unsupported:
             raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
-        for certificate in self.distribution.wanted(certificates, now):
+        is_known = self._trust.find(certificates[0].hashed_id8) is not None
+        for certificate in self.distribution.wanted(certificates, now, is_known=is_known):
             self._trust.receive_certificate(certificate)
+
+    def _receive_forged(self, carried: ieee1609dot2.CarriedCertificate | None) -> None:
+        if carried is not None:
+            self._forged[carried.hashed_id8] = None
+            if len(self._forged) > _MAX_FORGED:
+                self._forged.popitem(last=False)
 
     def _verified(
         self,

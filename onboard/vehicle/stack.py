@@ -154,6 +154,10 @@ class Stack:
         """See `WaveLink`."""
         return self._link.known_signer(wsm)
 
+    def certificate_in(self, wsm: WaveShortMessage) -> tuple[bytes, bool] | None:
+        """See `WaveLink`."""
+        return self._link.certificate_in(wsm)
+
     # ---- the step -------------------------------------------------------------------------
 
     def step(

@@ -81,6 +81,14 @@ class WaveLink(Core):
         signer_id = ieee1609dot2.signer_in(wsm.payload)
         return signer_id if signer_id and self._security.has_verified(signer_id) else None
 
+    def certificate_in(self, wsm: WaveShortMessage) -> tuple[bytes, bool] | None:
+        """Return the HashedId8 of the certificate that `wsm` carries, and whether it may be valid.
+
+        Nothing is verified for it. `None` without a certificate.
+        """
+        carried = ieee1609dot2.certificate_in(wsm.payload)
+        return None if carried is None else (carried.hashed_id8, self._security.can_verify(carried))
+
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
         for answer in self._security.distribution.answers_to_send(now):
@@ -107,8 +115,3 @@ def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
     """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
     payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
     return None if payload is None else bsm.temporary_id_in(payload)
-
-
-def certificate_in(wsm: WaveShortMessage) -> bytes | None:
-    """Return the HashedId8 of the certificate that `wsm` carries, unverified; `None` without."""
-    return ieee1609dot2.certificate_in(wsm.payload)

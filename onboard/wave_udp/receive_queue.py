@@ -43,7 +43,7 @@ class ReceiveQueue:
         urgent_psid: int,
         sender_of: Callable[[WaveShortMessage], bytes | None],
         known_signer: Callable[[WaveShortMessage], bytes | None] = lambda _wsm: NO_KEYS,
-        certificate_in: Callable[[WaveShortMessage], bytes | None] = _no_certificate,
+        certificate_in: Callable[[WaveShortMessage], tuple[bytes, bool] | None] = _no_certificate,
     ) -> None:
         """Queue frames under `urgent_psid` before all others.
 
@@ -52,7 +52,8 @@ class ReceiveQueue:
             sender_of: names the sender of a message without verifying it; `None` if it names none.
             known_signer: names its signer, if messages of that signer were verified; `NO_KEYS`
                 where nothing is.
-            certificate_in: identifies the certificate that a message carries; `None` without one.
+            certificate_in: identifies the certificate that a message carries, and tells whether it
+                may be valid; `None` without one.
         """
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
@@ -118,7 +119,8 @@ class ReceiveQueue:
         certificate = self._certificate_in(message)
         if certificate is None:
             return self._unknown.put(wsm)
-        return self._unknown.put_certified(certificate, wsm)
+        hashed_id8, may_be_valid = certificate
+        return self._unknown.put_certified(hashed_id8, wsm, may_be_valid=may_be_valid)
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
         if sender in self._others and len(self._others) < KEEP_ALL_BELOW:

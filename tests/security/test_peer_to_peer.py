@@ -115,7 +115,7 @@ def test_enough_answers_of_others_make_ones_own_needless() -> None:
     asked = answering()
     asked.receive_request(WANTED, 1.0)
     for _ in range(ENOUGH_ANSWERS):
-        asked.wanted([ISSUER], 1.01)
+        asked.wanted([ISSUER], 1.01, is_known=True)
     assert asked.answers_to_send(2.0) == []
 
 
@@ -129,9 +129,9 @@ def test_answers_with_other_certificates_of_the_same_hashed_id3_change_nothing()
         forged = copy.copy(issuer)
         object.__setattr__(forged, "digest", bytes(29) + hashed_id3(issuer.hashed_id8))
         for _ in range(ENOUGH_ANSWERS):
-            assert both.wanted([forged], 1.01) == []
+            both.wanted([forged], 1.01, is_known=False)
     assert both.answers_to_send(2.0) == [encode_ca_certs([ISSUER])]
-    assert both.wanted([other], 2.0) == [other]
+    assert both.wanted([other], 2.0, is_known=False) == [other]
 
 
 def test_only_own_authorities_are_answered_with_and_the_root_is_not() -> None:
@@ -141,15 +141,35 @@ def test_only_own_authorities_are_answered_with_and_the_root_is_not() -> None:
     assert asked.get_timer() == float("inf")
 
 
-def test_an_answer_that_was_not_asked_for_is_not_even_verified() -> None:
+def unnamed(asking: CertificateDistribution, now: float) -> None:
+    """Take an answer whose issuer no message has named, and so the turn of such answers."""
+    asking.wanted([ISSUER], now, is_known=False)
+
+
+def test_of_answers_whose_issuer_no_message_has_named_ten_a_second_are_verified() -> None:
     asking = answering()
     other = OTHER_ISSUING.credential.certificate
-    assert asking.wanted([other], 1.0) == []
+    times = [1.0 + 0.001 * number for number in range(1000)]
+    assert sum(asking.wanted([other], now, is_known=False) == [other] for now in times) == 10
+
+
+def test_an_answer_is_verified_once_for_a_message_that_names_its_issuer_lately() -> None:
+    asking = answering()
+    other = OTHER_ISSUING.credential.certificate
     asking.receive_unknown_issuer(other.hashed_id8, 1.0)
-    assert asking.wanted([other], 1.0 + REQUEST_LIFETIME_S) == []
+    unnamed(asking, 1.0 + REQUEST_LIFETIME_S)
+    assert asking.wanted([other], 1.0 + REQUEST_LIFETIME_S, is_known=False) == []
+    asking.receive_unknown_issuer(other.hashed_id8, 7.0)
+    unnamed(asking, 7.0)
+    assert asking.wanted([other], 7.0, is_known=False) == [other]
+    assert asking.wanted([other], 7.0, is_known=False) == []
+
+
+def test_an_answer_with_a_known_certificate_is_not_verified() -> None:
+    asking = answering()
+    other = OTHER_ISSUING.credential.certificate
     asking.receive_unknown_issuer(other.hashed_id8, 1.0)
-    assert asking.wanted([other], 1.1) == [other]
-    assert asking.wanted([other], 1.2) == []
+    assert asking.wanted([other], 1.0, is_known=True) == []
 
 
 def requests(asking: CertificateDistribution, seconds: float) -> list[bytes]:
@@ -195,11 +215,12 @@ def test_issuers_of_no_message_are_forgotten_before_those_of_vehicles() -> None:
     asking.receive_unknown_issuer(other.hashed_id8, 1.0)
     for number in range(MOST_SIGHTED - 1):
         asking.receive_unknown_issuer(number.to_bytes(7) + b"!", 1.0)
-    assert asking.wanted([other], 1.0) == [other]
+    unnamed(asking, 1.0)
+    assert asking.wanted([other], 1.0, is_known=False) == [other]
     asking.receive_unknown_issuer(other.hashed_id8, 1.0)
     for number in range(MOST_SIGHTED):
         asking.receive_unknown_issuer(number.to_bytes(8), 1.0)
-    assert asking.wanted([other], 1.0) == []
+    assert asking.wanted([other], 1.0, is_known=False) == []
 
 
 def test_who_hears_an_unknown_issuer_announces_the_own_one() -> None:

@@ -5,34 +5,49 @@ signers a second: what the daemon's share of time allows on a slow processor.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
-from sim_rig.studies.attacks.certificate_flood import FLOOD_HZ, LEARNS_S, count_known
+from sim_rig.studies.attacks.certificate_flood import (
+    FLOOD_HZ,
+    LEARNS_S,
+    MadeUp,
+    count_known,
+    made_up_by,
+)
 from tests.security.test_peer_to_peer import STRANGER
 from tests.security.trial import ALICE, UTC_S
 
 
-def always_others(number: int) -> bytes:
-    return number.to_bytes(8)
+def always_others(number: int) -> MadeUp:
+    return MadeUp(number.to_bytes(8))
 
 
-def the_same_again(number: int) -> bytes:
+def the_same_again(number: int, *, every: int = 1500) -> MadeUp:
     """Of 1,500 issuers, each twice a second, as vehicles send."""
-    return (number % 1500).to_bytes(8)
+    return MadeUp((number % every).to_bytes(8))
+
+
+def of_own_issuer(number: int) -> MadeUp:
+    return MadeUp(number.to_bytes(8), is_of_own_issuer=True)
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "issuer"),
+    ("rate_hz", "flood"),
     [
         (0, always_others),
         (40, always_others),
         (FLOOD_HZ, always_others),
         (FLOOD_HZ, the_same_again),
+        (FLOOD_HZ, partial(the_same_again, every=8000)),
+        (FLOOD_HZ, partial(made_up_by, 2)),
+        (FLOOD_HZ, partial(made_up_by, 3)),
+        (FLOOD_HZ, of_own_issuer),
     ],
 )
 def test_each_vehicle_learns_the_other_ones_issuer_within_two_seconds(
-    rate_hz: int, issuer: Callable[[int], bytes]
+    rate_hz: int, flood: Callable[[int], MadeUp]
 ) -> None:
     assert LEARNS_S <= 2.0
-    assert count_known([ALICE, STRANGER], UTC_S, issuer, rate_hz) == 2
+    assert count_known([ALICE, STRANGER], UTC_S, flood, (1,), rate_hz) == 2

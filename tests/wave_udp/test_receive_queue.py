@@ -133,7 +133,7 @@ def test_malformed_frames_wait_like_those_of_unknown_signers() -> None:
     queue.put(b"\xff garbage")
 
     assert not queue.has_known
-    assert list(iter(queue.take_unknown, None)) == [b"", b"\xff garbage"]
+    assert list(iter(queue.take_unknown, None)) == [b"\xff garbage", b""]
     assert not queue
 
 
@@ -163,7 +163,8 @@ def test_group_messages_of_unknown_signers_do_not_delay_those_of_known_ones() ->
     assert list(iter(queue.take, None)) == [signed_by(KNOWN[0], 1)]
     assert not queue.has_known
     waiting = list(iter(queue.take_unknown, None))
-    assert waiting == [signed_by(n.to_bytes(8), n) for n in range(1000 - MAX_WAITING, 1000)]
+    newest = range(999, 999 - MAX_WAITING, -1)
+    assert waiting == [signed_by(n.to_bytes(8), n) for n in newest]
     assert queue.take_dropped() == 1000 - MAX_WAITING
 
 
@@ -183,11 +184,27 @@ def certified(certificate: bytes, number: int) -> bytes:
     return wsm(psid.BSM, int.from_bytes(certificate) << 8 | number)
 
 
-def queue_with_certificates() -> ReceiveQueue:
-    """All BSMs carry a certificate, which the first three bytes of their payload name."""
+def queue_with_certificates(*, issuer: bytes = b"") -> ReceiveQueue:
+    """All BSMs carry a certificate, which the first three bytes of their payload name.
+
+    If `issuer` is given, only those certificates may be valid that begin with it.
+    """
     return ReceiveQueue(
-        psid.LCCA, bsm_sender, lambda _: None, lambda each: each.payload[:3] or None
+        psid.LCCA,
+        bsm_sender,
+        lambda _: None,
+        lambda each: (each.payload[:3], each.payload.startswith(issuer)),
     )
+
+
+def test_certificates_that_cannot_be_valid_delay_none_that_may_be() -> None:
+    """Not even one that was never there before."""
+    queue = queue_with_certificates(issuer=b"c")
+    queue.put(certified(b"car", 1))
+    for number in range(1000):
+        queue.put(certified((number % 500).to_bytes(3), 0))
+
+    assert certified(b"car", 1) in [queue.take_unknown() for _ in range(2)]
 
 
 def test_a_certificate_that_comes_again_waits_for_none_that_is_made_up() -> None:

@@ -1,11 +1,14 @@
 """Outsiders without keys who flood vehicles with certificates that they make up.
 
 Two vehicles whose authorities differ meet again and again, each time without knowing the other's.
-Each can open `SERVED_HZ` frames of unknown signers a second, the share of time of the program on a
-slow processor. Under its link, everything but the time of processing is the program's.
+Flooded from the start, they come into range after `MEETS_S`. Each can open `SERVED_HZ` frames of
+unknown signers a second, the share of time of the program on a slow processor. Under its link,
+everything but the time of processing is the program's.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
 
@@ -18,7 +21,7 @@ from onboard.security.its_time import to_time64
 from onboard.security.p256 import key_from
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
-from onboard.vehicle.wave_link import WaveLink, bsm_sender, certificate_in
+from onboard.vehicle.wave_link import WaveLink, bsm_sender
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -67,8 +70,8 @@ def run_certificate_flood(
             )
         )
     meetings = int(seconds // (MEETS_S + LEARNS_S))
-    issuer = partial(_issuer, outsiders)
-    known = sum(count_known(keys, utc_s, issuer) for _ in range(meetings))
+    flood = partial(made_up_by, outsiders)
+    known = sum(count_known(keys, utc_s, flood, (*seed, at)) for at in range(meetings))
     return AttackCounts(
         false_alarms=0,
         false_alarm_s=0.0,
@@ -78,12 +81,25 @@ def run_certificate_flood(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class MadeUp:
+    """What distinguishes a certificate that an outsider makes up."""
+
+    name: bytes
+    """Eight bytes."""
+    is_of_own_issuer: bool = False
+    """Whether it names the issuer of its receiver; else its issuer is made up."""
+
+
 class _Vehicle:
     """Radio link and queue of a vehicle that sends ten BSMs a second."""
 
     def __init__(self, keys: Credentials, utc_s: float, phase_s: float) -> None:
+        self.certificate = keys.pseudonyms[0].certificate
         self.link = WaveLink(SecurityServices(utc_s, keys), psid.J2735)
-        self.queue = ReceiveQueue(psid.LCCA, bsm_sender, self.link.known_signer, certificate_in)
+        self.queue = ReceiveQueue(
+            psid.LCCA, bsm_sender, self.link.known_signer, self.link.certificate_in
+        )
         self.knows_other = False
         self._next_bsm_at = MEETS_S + phase_s
 
@@ -103,7 +119,8 @@ class _Vehicle:
 def count_known(
     keys: Sequence[Credentials],
     utc_s: float,
-    issuer: Callable[[int], bytes],
+    flood: Callable[[int], MadeUp],
+    seed: tuple[int, ...],
     rate_hz: float = FLOOD_HZ,
 ) -> int:
     """Return how many of two vehicles know the other in time.
@@ -111,41 +128,46 @@ def count_known(
     Args:
         keys: of the two, whose authorities differ.
         utc_s: at the start, seconds since 1970.
-        issuer: gives each frame of the flood, by its number, the HashedId8 of its issuer.
+        flood: gives each frame of the flood, by its number, its certificate.
+        seed: of the times at which the vehicles send, and of the order of frames.
         rate_hz: frames of the flood in a second.
     """
-    vehicles = [_Vehicle(each, utc_s, 0.05 * number) for number, each in enumerate(keys)]
-    real, flooded = keys[0].pseudonyms[0].certificate, 0
+    rng, flooded = np.random.default_rng(seed), 0
+    vehicles = [_Vehicle(each, utc_s, float(rng.uniform(0.0, 0.1))) for each in keys]
     for tick in range(round((MEETS_S + LEARNS_S) / TICK_S)):
         now = tick * TICK_S
-        while flooded < now * rate_hz:
-            garbage = _forged(real, issuer(flooded), utc_s + now)
-            for vehicle in vehicles:
-                vehicle.queue.put(garbage)
-            flooded += 1
+        numbers = range(flooded, math.ceil(now * rate_hz))
+        flooded = numbers.stop
         for vehicle, other in (vehicles, vehicles[::-1]):
-            for wsm in vehicle.wsms_to_send(now):
-                other.queue.put(wsm)
+            received = [_forged(vehicle.certificate, flood(each), utc_s + now) for each in numbers]
+            for wsm in other.wsms_to_send(now):
+                if now >= MEETS_S:
+                    received.insert(int(rng.integers(len(received) + 1)), wsm)
+            for wsm in received:
+                vehicle.queue.put(wsm)
         for vehicle in vehicles:
             vehicle.receive_queue(now)
     return sum(vehicle.knows_other for vehicle in vehicles)
 
 
-def _issuer(outsiders: int, number: int) -> bytes:
-    """Who has issued the certificate of a frame, as one of the outsiders says.
+def made_up_by(outsiders: int, number: int) -> MadeUp:
+    """The certificate of a frame, as one of the outsiders makes it up.
 
-    The first outsider makes up an issuer for each, the second the same 500 again and again, as
-    vehicles send, and so on.
+    The first one makes up an issuer for each, the second the same 500 again and again, as vehicles
+    send, the third a new certificate of the receiver's own issuer, and so on.
     """
     outsider = number % outsiders
-    made_up = number % 500 if outsider % 2 else number
-    return bytes((outsider,)) + made_up.to_bytes(7)
+    name = bytes((outsider,)) + (number % 500 if outsider % 3 == 1 else number).to_bytes(7)
+    return MadeUp(name, is_of_own_issuer=outsider % 3 == 2)
 
 
-def _forged(real: Certificate, issuer: bytes, utc_s: float) -> bytes:
-    """A BSM under a certificate of an issuer that nobody knows, signed with nothing."""
+def _forged(real: Certificate, made_up: MadeUp, utc_s: float) -> bytes:
+    """A BSM under a certificate that nobody issued, and signed with nothing."""
     assert real.issuer_id is not None  # noqa: S101 (no pseudonym is a root)
-    signer = b"\x81\x01\x01" + real.encoded.replace(real.issuer_id, issuer)
+    if made_up.is_of_own_issuer:  # and the end of the issuer's signature is made up
+        signer = b"\x81\x01\x01" + real.encoded[:-8] + made_up.name
+    else:
+        signer = b"\x81\x01\x01" + real.encoded.replace(real.issuer_id, made_up.name)
     head = encode_to_be_signed(b"bsm", psid.BSM, to_time64(utc_s))
     signed = encode_signed(head, b"signer..", (1, 1)).replace(b"\x80signer..", signer)
     return wsmp.encode(WaveShortMessage(psid.BSM, signed))
