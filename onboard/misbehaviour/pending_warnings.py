@@ -11,7 +11,7 @@ have kept a copy.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 
 from typing_extensions import override
@@ -29,7 +29,8 @@ waits for the channel."""
 FRESH_S = 3.0
 """Largest difference between generation and reception: clocks that differ by 2 s, and a second."""
 MAX_PENDING = 64
-"""Warnings pending at a time, a bound on memory; more are rejected."""
+"""Warnings pending at a time, a bound on memory. Of more, the last one of whoever has most is
+rejected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,10 @@ class PendingWarnings(Core):
         self._pending.append(_Pending(message, signer, made_at_s, now))
         self.handle_timer(now)
         if len(self._pending) > MAX_PENDING:
-            self._reject(self._pending.pop(), "too_many_warnings", now)
+            ((most, _),) = Counter(each.signer for each in self._pending).most_common(1)
+            last = next(each for each in reversed(self._pending) if each.signer == most)
+            self._pending.remove(last)
+            self._reject(last, "too_many_warnings", now)
 
     def next_warning(self) -> tuple[Warn, bytes | None] | None:
         """Return the next warning that passed, and its signer; `None` if there is none."""

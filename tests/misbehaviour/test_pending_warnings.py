@@ -203,6 +203,27 @@ def test_too_many_pending_warnings_are_rejected_in_bounded_memory() -> None:
     assert car.pending.get_timer() < math.inf
 
 
+@pytest.mark.parametrize("insiders", [1, 5, 30])
+def test_whoever_has_most_pending_warnings_displaces_own_ones_only(insiders: int) -> None:
+    """Else an insider, whose BSMs contradict him, would suppress the warnings of all others."""
+    car = Listener()
+    names = [b"insider" + bytes((each,)) for each in range(insiders)]
+    for name in names:
+        car.misbehaviour.receive_car_id(name, name)
+        for tenth in range(11):
+            core = CoreData(0, name[-4:], speed_m_s=15.0)
+            car.misbehaviour.receive_bsm(name, BasicSafetyMessage(core), tenth / 10, tenth / 10)
+    for number in range(2 * MAX_PENDING):
+        name = names[number % insiders]
+        false = replace(warning(number), sender_id=name, event_origin_id=name)
+        car.pending.receive_warning(false, name, 1.05, 1.05)
+
+    car.pending.receive_warning(warning(), SIGNER, 1.05, 1.05)
+    car.hear_bsm(1.052, 14.2)
+
+    assert [each.event_origin_id for each in car.passed()] == [LEADER]
+
+
 def test_check_braking_can_be_switched_off() -> None:
     car = Listener(check_braking=False)
 
