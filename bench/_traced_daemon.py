@@ -4,7 +4,7 @@
 
 The functions with which stages begin or end are wrapped here; the daemon's own code is unchanged.
 `OUT` gets one JSON object for each warning. With `--no-camera`, a thread that only sleeps reports
-the lead in place of the camera's thread.
+the lead in place of the camera's process.
 """
 
 import argparse
@@ -26,6 +26,7 @@ from onboard.runtime.daemon import Daemon
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.service import Service
 from onboard.security.security_services import SecurityServices
+from onboard.vision.seen import Seen
 from onboard.wave_udp.iwcu import IwcuEndpoint
 
 LEAD_PLATE = "AB123CD"
@@ -52,7 +53,7 @@ def main() -> None:
     _note(IwcuEndpoint, "send", after="sent")
     _note_shown()
     if given.no_camera:
-        wires.CameraThread = _NoCamera  # type: ignore[attr-defined, assignment]
+        wires.CameraProcess = _NoCamera  # type: ignore[attr-defined, assignment]
     asyncio.run(Service(given.config).run())
     given.out.write_text("".join(json.dumps(row) + "\n" for row in _rows), encoding="utf-8")
 
@@ -91,9 +92,15 @@ def _note_shown() -> None:
 class _NoCamera:
     """Reports the same lead at the rate of a camera."""
 
-    def __init__(self, _camera: object, _perception: object, on_observations: Any, *_: Any) -> None:
-        self._on_observations = on_observations
+    def __init__(self, _work: object, on_seen: Callable[[Seen], None]) -> None:
+        self._on_seen = on_seen
         self._closed = threading.Event()
+
+    def receive_curvature(self, curvature: object) -> None:
+        pass
+
+    def spawn(self) -> None:
+        pass
 
     def start(self) -> None:
         threading.Thread(target=self._run, daemon=True).start()
@@ -105,7 +112,7 @@ class _NoCamera:
         candidates = (PlateCandidate(LEAD_PLATE, 0.98),)
         while not self._closed.wait(FRAME_S):
             known = (LeadIdentity.KNOWN, LEAD_PLATE, GAP_M, 0.3, 0.0, 0.3)
-            self._on_observations([Lead(time.monotonic(), *known, 1, candidates)])
+            self._on_seen(Seen((Lead(time.monotonic(), *known, 1, candidates),)))
 
 
 if __name__ == "__main__":

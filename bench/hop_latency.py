@@ -6,7 +6,7 @@ from the reception of the sample by the braking car's daemon to the alarm record
 car's. In between the warning crosses two UDP connections, from car to radio unit and from radio
 unit to car; the radio channel adds no delay.
 
-Then one daemon alone, stage by stage from socket to alarm, with and without the camera's thread
+Then one daemon alone, stage by stage from socket to alarm, with and without the camera's process
 (`_hop_stages.py`). The reference is a bare UDP echo to another process and back, measured
 throughout each run.
 """

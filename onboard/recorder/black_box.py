@@ -12,10 +12,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from onboard.errors import UserError
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.records import CameraImage, RecordedMessage, RecorderState, RecordingGap
@@ -67,7 +63,6 @@ class BlackBox:
         """Number of records lost since the start."""
         self._unwritten = 0
         """Number of records lost on disk, for the gap at the start of the next segment."""
-        self._next_image_at = 0.0
         self._reported: tuple[str | None, int] = (None, 0)
         self._report_lock = threading.Lock()
         self._segments: Segments | None = None
@@ -113,20 +108,15 @@ class BlackBox:
                 )
                 self._lost = 0
 
-    def record_image(self, image: NDArray[np.uint8], stamp_s: float) -> None:
-        """Record a camera image if the interval of `pictures_hz` is over.
+    def record_picture(self, stamp_s: float, jpeg: bytes) -> None:
+        """Record a camera image.
 
         Args:
-            image: (height, width, 3) in BGR; encoded as JPEG in the calling thread.
             stamp_s: time of the image in s, on the monotonic clock.
+            jpeg: the image, encoded.
         """
-        if stamp_s < self._next_image_at:
-            return
-        self._next_image_at = stamp_s + 1.0 / self.settings.pictures_hz
-        quality = [cv2.IMWRITE_JPEG_QUALITY, self.settings.picture_quality]
-        _, jpeg = cv2.imencode(".jpg", image, quality)
         utc_s = time.time() - (time.monotonic() - stamp_s)
-        self.record(RecordedMessage(IMAGES, utc_s, CameraImage(stamp_s, jpeg.tobytes())))
+        self.record(RecordedMessage(IMAGES, utc_s, CameraImage(stamp_s, jpeg)))
 
     def close(self) -> None:
         """Write the queued records and finish the file; wait at most `STOP_S`."""

@@ -42,7 +42,7 @@ from onboard.wave_udp.receive_turns import ReceiveTurns
 log = structlog.get_logger()
 
 GIL_INTERVAL_S = 0.000_5
-"""Switch interval of the interpreter: the longest time that the camera thread delays a warning.
+"""Switch interval of the interpreter: the longest time that another thread delays a warning.
 
 Python's default is 5 ms.
 """
@@ -211,7 +211,7 @@ class Daemon:
         self._step()
 
     def _stop_stepping(self) -> None:
-        """Cancel all planned steps, and ignore what the camera thread still puts out."""
+        """Cancel all planned steps, and ignore what the camera still puts out."""
         self._is_stopped = True
         for handle in (self._timer, self._next_step):
             if handle is not None:

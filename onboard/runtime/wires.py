@@ -3,8 +3,9 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.brake_request.request_outputs import RequestOutputs
@@ -19,11 +20,14 @@ from onboard.recorder.black_box import BlackBox
 from onboard.recorder.records import RecorderState
 from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.radio_loss import RadioLoss
-from onboard.step import Input, Observation, SentWsm, StepOutputs
+from onboard.step import Input, SentWsm, StepOutputs
 from onboard.vehicle.config import CarConfig
-from onboard.vision.camera import CameraThread
-from onboard.vision.networks import load_perception
+from onboard.vision.camera_process import CameraProcess, CameraWork
+from onboard.vision.seen import PictureRate, Seen
 from onboard.wave_udp.endpoint import open_endpoint
+
+if TYPE_CHECKING:
+    from onboard.vision.recorded_camera import RecordedCamera
 
 Item = Input | Callable[[float], Iterable[Input]]
 """An input, or a function that makes inputs with the `now` of the step."""
@@ -77,12 +81,17 @@ class Wires:
         """
         self._loop = asyncio.get_running_loop()
         self._open_recorder(exits)
+        camera = self._camera(candidate_ids)
+        if camera is not None:
+            exits.callback(camera.close)
+            self.tell_camera = camera.receive_curvature
         self._open_can(exits)
         self._open_gnss(exits)
         self._open_radio(exits)
         candidate_ids.start()
         exits.callback(candidate_ids.close)
-        self._open_camera(candidate_ids, exits)
+        if camera is not None:
+            camera.start()
         await self._open_detector(exits)
 
     def send_wsm(self, wsm: SentWsm) -> None:
@@ -129,17 +138,24 @@ class Wires:
             radio.start(self._loop)
             self._send_wsm = radio.send
 
-    def _open_camera(self, candidate_ids: CandidateIds, exits: contextlib.AsyncExitStack) -> None:
-        config = self._config
-        if config.camera is not None:
-            takes_pictures = config.recorder is not None and config.recorder.pictures_hz > 0.0
-            on_image = self.black_box.record_image if self.black_box and takes_pictures else None
-            perception = load_perception(config.camera, config.vision)
-            on_seen = partial(self._on_seen, candidate_ids)
-            camera = CameraThread(config.camera, perception, on_seen, on_image)
-            camera.start()
-            exits.callback(camera.close)
-            self.tell_camera = camera.receive_curvature
+    def _camera(self, candidate_ids: CandidateIds) -> "CameraProcess | RecordedCamera | None":
+        """Make the camera; a live one opens in its process while other wires are opened."""
+        config, recorder = self._config, self._config.recorder
+        if config.camera is None:
+            return None
+        pictures = None
+        if recorder is not None and recorder.pictures_hz > 0.0:
+            pictures = PictureRate(recorder.pictures_hz, recorder.picture_quality)
+        work = CameraWork(config.camera, config.vision, pictures)
+        on_seen = partial(self._on_seen, candidate_ids)
+        if not config.camera.is_live:
+            # Importing OpenCV and ONNX Runtime takes a third of the start-up time.
+            from onboard.vision.recorded_camera import recorded_camera  # noqa: PLC0415 (see above)
+
+            return recorded_camera(work, on_seen)
+        camera = CameraProcess(work, on_seen)
+        camera.spawn()
+        return camera
 
     async def _open_detector(self, exits: contextlib.AsyncExitStack) -> None:
         if self._config.detector is not None:
@@ -159,13 +175,14 @@ class Wires:
         if not up:  # recovered by the next observation, not by the wire
             self._take(SensorLost(self._loop.time(), sensor, silent_s=None, reason=why))
 
-    def _on_seen(self, candidate_ids: CandidateIds, observations: Sequence[Observation]) -> None:
-        """Take observations in the camera thread: of a lead, the candidates with derived IDs."""
-        for observation in observations:
-            seen = observation
-            if isinstance(observation, Lead):
-                seen = candidate_ids.derived(observation, time.time())
-            self._loop.call_soon_threadsafe(self._take, seen)
+    def _on_seen(self, candidate_ids: CandidateIds, seen: Seen) -> None:
+        """Take observations in the camera's thread: of a lead, the candidates with derived IDs."""
+        for event in seen.events:
+            if isinstance(event, Lead):
+                event = candidate_ids.derived(event, time.time())  # noqa: PLW2901
+            self._loop.call_soon_threadsafe(self._take, event)
+        if seen.picture is not None and self.black_box is not None:
+            self.black_box.record_picture(seen.picture.stamp_s, seen.picture.jpeg)
 
     def _on_recorder_state(self, state: RecorderState) -> None:
         """Show the recorder's state; called in the black box's thread."""

@@ -7,7 +7,7 @@ A message from the air has passed the radio's `WaveLink`, which opens what is si
 which decodes it. `receive_message` hands it on by its kind. A BSM is first compared with earlier
 ones of its sender; then shared sensing takes position and footer, and the alarms take the rest.
 
-A picture has become observations in the camera's thread. `receive_observation` hands on what
+A picture has become observations in the camera's process. `receive_observation` hands on what
 `HostSensors` lets pass: `HostState` keeps it for whoever asks later, and those who need every
 sample are given it. An alarm that takes observations as they arrive assesses the danger at once.
 

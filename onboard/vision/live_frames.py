@@ -52,12 +52,19 @@ class LiveFrames:
 
     def __iter__(self) -> Iterator[Frame]:
         while not self._closed.is_set():
-            with self._arrived:
-                self._arrived.wait_for(self._has_news, timeout=TIMEOUT_S)
-                newest, self._newest = self._newest, None
-            if newest is not None:
-                stamp_s, decode = newest
-                yield Frame(stamp_s, decode())
+            frame = self.next_frame()
+            if frame is not None:
+                yield frame
+
+    def next_frame(self) -> Frame | None:
+        """Wait for a frame and return it; `None` if none comes within `TIMEOUT_S`."""
+        with self._arrived:
+            self._arrived.wait_for(self._has_news, timeout=TIMEOUT_S)
+            newest, self._newest = self._newest, None
+        if newest is None:
+            return None
+        stamp_s, decode = newest
+        return Frame(stamp_s, decode())
 
     def close(self) -> None:
         """End the iteration, also from another thread."""

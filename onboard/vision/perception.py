@@ -11,15 +11,7 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import (
-    Curvature,
-    Discarded,
-    Lead,
-    Plate,
-    SensorLost,
-    SensorRecovered,
-    VehicleDetection,
-)
+from onboard.observations import Curvature, Discarded
 from onboard.vision.detection import Detection
 from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
 from onboard.vision.frozen_camera import FrozenCamera
@@ -28,13 +20,12 @@ from onboard.vision.lead import LeadSelector
 from onboard.vision.lead_rear import LeadRear
 from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
 from onboard.vision.search_schedule import SearchSchedule
+from onboard.vision.seen import Event
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.sized_camera import Networks, SizedCameras
 from onboard.vision.track_report import TrackReport
 from onboard.vision.tracker import KEEP_S, Tracker
 from onboard.vision.vehicle_track import VehicleTrack
-
-Event = Plate | Lead | VehicleDetection | Discarded | SensorLost | SensorRecovered
 
 
 class Perception:

@@ -132,6 +132,12 @@ class CameraSettings(Calibration):
     """Frames a second of images (default 25), or of a video that states a wrong rate; requested of
     a device."""
 
+    @property
+    def is_live(self) -> bool:
+        """Whether the source is a device or a stream, and not a recording."""
+        source = self.source
+        return "://" in source or source.isdigit() or source.startswith("/dev/")
+
 
 TagDictionary = Literal["4X4_50", "4X4_100", "4X4_250", "5X5_100", "5X5_250", "6X6_250", "7X7_250"]
 

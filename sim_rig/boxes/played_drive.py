@@ -164,7 +164,7 @@ def _stamped_of(drive: RecordedDrive) -> Iterator[PlayedInput]:
 
 
 def _in_order(stamped: Iterable[PlayedInput]) -> Iterator[PlayedInput]:
-    """Sort: a picture is recorded when the camera's thread is done with it."""
+    """Sort: a picture is recorded when the camera's process is done with it."""
     waiting: list[tuple[float, int, PlayedInput]] = []
     for number, each in enumerate(stamped):
         heapq.heappush(waiting, (each.at_s, number, each))

@@ -14,7 +14,8 @@ from onboard.observations import (
     SensorRecovered,
     VehicleDetection,
 )
-from onboard.vision.perception import Event, Perception
+from onboard.vision.perception import Perception
+from onboard.vision.seen import Event
 from onboard.vision.settings import CameraSettings, VisionSettings
 from sim_rig.rendering.scene import CameraRenderer, Scene
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import av
 import cv2
@@ -19,15 +18,16 @@ from av.video.stream import VideoStream
 from typing_extensions import override
 
 from onboard.observations import Discarded, Lead, SensorLost
-from onboard.vision.camera import CameraThread, open_frames
+from onboard.vision.camera import open_frames
+from onboard.vision.camera_process import CameraWork
 from onboard.vision.frames import CameraError, Frame, decode_image
-from onboard.vision.networks import load_perception
-from onboard.vision.parameters import PerceptionParameters
+from onboard.vision.recorded_camera import recorded_camera
 from onboard.vision.recordings import VideoFile
-from onboard.vision.settings import CameraSettings, VisionSettings
-from sim_rig.rendering.scene import Scene, SceneCar
+from onboard.vision.seen import Event, Seen
+from onboard.vision.settings import CameraSettings
+from sim_rig.rendering.scene import Scene
 from tests.typed import a
-from tests.vision.drive import CAMERA, frames
+from tests.vision.drive import CAMERA, TAGS, frames
 
 BOUNDARY = b"picture"
 
@@ -295,51 +295,25 @@ def test_a_stream_that_ends_is_reopened(serve: Callable[..., str]) -> None:
     assert levels[-1] == 200
 
 
-def events_of_thread(camera: CameraSettings, enough: Callable[[list[Any]], bool]) -> list[Any]:
-    events: list[Any] = []
-    done = threading.Event()
-
-    def collect(observations: list[Any]) -> None:
-        events.extend(observations)
-        if enough(events):
-            done.set()
-
-    # On a slow machine, a stream that repeats itself delivers the same image again and again.
-    perception = load_perception(
-        camera,
-        VisionSettings(plates=False, tag_side_m=0.4),
-        PerceptionParameters(frozen_after_s=10.0),
-    )
-    thread = CameraThread(camera, perception, collect)
-    thread.start()
-    assert done.wait(20.0)
-    thread.close()
-    return events
-
-
-def test_the_camera_thread_finds_the_lead_in_a_live_stream(serve: Callable[..., str]) -> None:
-    scene = Scene(cars=(SceneCar(12.0, tag_id=4, tag_side_m=0.4),))
-    drive = [jpeg(image) for _, image in frames(lambda _: scene, 0.8)]
-    # A slow thread may receive only the newest of these; each connection repeats them.
-    url = serve([[*map(part, drive)] for _ in range(30)])
-
-    events = events_of_thread(
-        settings(url),
-        lambda events: any(getattr(event, "text", None) == "TAG4" for event in events),
-    )
-
-    assert all(not isinstance(event, SensorLost) for event in events)
-
-
-def test_the_camera_thread_plays_a_recording_and_reports_its_end(tmp_path: Path) -> None:
+def test_a_recorded_camera_plays_its_recording_and_reports_its_end(tmp_path: Path) -> None:
     for index, (_, image) in enumerate(frames(lambda _: Scene(), 0.5)):
         (tmp_path / f"{index}.jpg").write_bytes(jpeg(image) if index != 2 else b"broken")
 
-    events = events_of_thread(
-        settings(tmp_path, fps=100.0), lambda events: isinstance(events[-1], SensorLost)
-    )
+    events: list[Event] = []
+    is_over = threading.Event()
 
-    assert events[-1].reason == "end_of_recording"
+    def collect(seen: Seen) -> None:
+        events.extend(seen.events)
+        if any(isinstance(event, SensorLost) for event in seen.events):
+            is_over.set()
+
+    work = CameraWork(settings(tmp_path, fps=100.0), TAGS, None)
+    camera = recorded_camera(work, collect)
+    camera.start()
+    assert is_over.wait(20.0)
+    camera.close()
+
+    assert a(SensorLost, events[-1]).reason == "end_of_recording"
     assert [event.reason for event in events if isinstance(event, Discarded)] == ["corrupt_frame"]
     stamps = [event.stamp_s for event in events if isinstance(event, Lead)]
     assert len(stamps) == 4

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from onboard.observations import Discarded, ImageBox, Lead, Plate, PlateCandidate
 from onboard.vision.frames import Frame
-from onboard.vision.perception import Event, Perception
+from onboard.vision.perception import Perception
+from onboard.vision.seen import Event
 
 COLUMNS = (
     "file",

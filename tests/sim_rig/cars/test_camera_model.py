@@ -16,7 +16,7 @@ import pytest
 from onboard.observations import Lead, LeadIdentity, Plate
 from onboard.settings import parse_settings
 from onboard.vision.networks import load_perception
-from onboard.vision.perception import Event
+from onboard.vision.seen import Event
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.vehicle_track import MIN_READ_CONFIDENCE
 from sim_rig.cars.camera_model import STAMP_S, CameraModel

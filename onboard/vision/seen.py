@@ -1,0 +1,39 @@
+"""What the camera's edge puts out for each frame; it crosses from a process to another."""
+
+from dataclasses import dataclass
+
+from onboard.observations import (
+    Discarded,
+    Lead,
+    Plate,
+    SensorLost,
+    SensorRecovered,
+    VehicleDetection,
+)
+
+Event = Plate | Lead | VehicleDetection | Discarded | SensorLost | SensorRecovered
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """An image of the camera for the black box."""
+
+    stamp_s: float
+    jpeg: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What perception puts out for one frame, and the frame itself if it is to be recorded."""
+
+    events: tuple[Event, ...] = ()
+    picture: Picture | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PictureRate:
+    """Which frames are to be recorded."""
+
+    hz: float
+    quality: int
+    """Of their JPEG, 1 to 100."""
