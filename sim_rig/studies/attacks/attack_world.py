@@ -11,12 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import bsm
+from onboard.messages import bsm, sdsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.misbehaviour.signer_credibility import SignerIgnored
 from onboard.mvs.footer_coding import encode_within
+from onboard.mvs.sdsm_coding import MeasuredObject, message_of
+from onboard.mvs.sdsm_coding import Sender as SdsmSender
 from onboard.observations import DetectionList, Lead, Position, Sensor, Speed, VehicleDetection
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.security.credentials import Credentials
@@ -123,6 +125,23 @@ class Signer:
         data, _ = encode_within([(number, measured)], stamp_ms, anchor, anchor, FOOTER_BYTES)
         return data
 
+    def sdsm_at(self, number: int, place_m: Place, now: float) -> bytes:
+        """Return a signed SDSM in a WSM with a vehicle without radio, as if measured now."""
+        now_ms = round((self._utc_s + now) * 1000)
+        here = LocalFrame(*placed(*place_m))
+        measured = Measurement(
+            MeasurementId(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
+        )
+        self._sent += 1
+        message = message_of(
+            [MeasuredObject(number, measured, np.zeros(2), 1.0)],
+            SdsmSender(self.temporary_id, here, PLACE_SIGMA_M),
+            now_ms,
+            here,
+            self._sent % 128,
+        )
+        return self.signed(sdsm.encode(message), psid.SENSOR_SHARING, now)
+
     def signed(self, payload: bytes, service: int, now: float) -> bytes:
         """Return a payload signed, in a WSM."""
         secured = self._security.secure(payload, service, now)
@@ -174,6 +193,7 @@ class AttackedHost:
         rng = np.random.default_rng(1)
         sensors = config.sensors() | ({Sensor.CAMERA} if camera else set())
         self.stack = Stack(config, sensors, rng, now=0.0, utc_s=utc_s, credentials=keys)
+        self.utc_s = utc_s
         self.now = 0.0
         self.north_m = 0.0
         self.seen: tuple[VehicleDetection, ...] = ()

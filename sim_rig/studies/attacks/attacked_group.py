@@ -1,6 +1,7 @@
 """A warning group of three signing vehicles whose leader truly brakes, for insiders to disturb.
 
 They follow one another on an open road, and receive each other and the insiders without loss.
+What counts is what the drivers are told: alarms, and not the warnings that raise them.
 """
 
 import math
@@ -22,6 +23,8 @@ from onboard.observations import (
     Sensor,
     Speed,
 )
+from onboard.risk.alarm import Alarm, Level
+from onboard.risk.lcca_warning import LCCA
 from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
@@ -29,6 +32,7 @@ from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
+from onboard.vehicle.wave_link import bsm_sender
 from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
 
@@ -46,11 +50,11 @@ DETECTED_S = 0.3
 
 @dataclass(slots=True)
 class Warned:
-    """A warning of one follower."""
+    """An alarm of one follower, or a warning on which an alarm may rest."""
 
     plate: str
     origin_id: CarId
-    sequence: int
+    """Of the vehicle that brakes; empty where an alarm has another cause."""
     began_at: float
     ended_at: float = math.inf
 
@@ -65,6 +69,9 @@ class AttackedGroup:
         rngs: Sequence[np.random.Generator],
         *,
         checks: bool = True,
+        reach: int = len(PLATES),
+        reads_plates: bool = True,
+        ahead: str | None = None,
     ) -> None:
         """Start at time 0, which is `utc_s`.
 
@@ -73,6 +80,9 @@ class AttackedGroup:
             utc_s: seconds since 1970.
             rngs: one for each vehicle.
             checks: whether brakings and claims are checked.
+            reach: vehicles ahead and behind that each receives.
+            reads_plates: whether the cameras do.
+            ahead: plate of a vehicle ahead of the first one, which is no vehicle of the group.
         """
         self.now = 0.0
         self.leader_ids: list[CarId] = []
@@ -83,7 +93,13 @@ class AttackedGroup:
         """Of the followers, with their plates."""
         self.listeners: list[Listener] = []
         """Insiders who answer what they receive, before others do."""
-        self._way_m = 0.0
+        self.temporary_id = bytes(4)
+        """Of the leader's BSMs."""
+        self.way_m = 0.0
+        """Of the leader."""
+        self.speed_m_s = SPEED_M_S
+        """Of all."""
+        self._reach, self._reads_plates, self._ahead = reach, reads_plates, ahead
         self._inputs: dict[str, list[Input]] = {plate: [] for plate in PLATES}
         self._stacks = {}
         for plate, rng in zip(PLATES, rngs, strict=True):
@@ -122,38 +138,62 @@ class AttackedGroup:
                 self._broadcast(wsm)
             self._run(self.now + STEP_S)
 
-    def warned(self) -> list[Warned]:
-        """Return the warnings of the followers."""
-        warned: list[Warned] = []
-        for plate, event in self.events:
+    def warned(self, plate: str) -> list[Warned]:
+        """Return the warnings of a follower."""
+        warned: dict[tuple[CarId, int], Warned] = {}
+        ended: list[Warned] = []
+        for event in self._events_of(plate):
             match event:
                 case WarningRaised():
-                    key = event.origin_id, event.sequence
-                    warned.append(Warned(plate, *key, event.stamp_s))
-                case WarningOver():
-                    for each in warned:
-                        key = event.origin_id, event.sequence
-                        is_same = each.plate == plate and (each.origin_id, each.sequence) == key
-                        if is_same and each.ended_at == math.inf:
-                            each.ended_at = event.stamp_s
-        return warned
+                    warned[event.origin_id, event.sequence] = Warned(
+                        plate, event.origin_id, event.stamp_s
+                    )
+                case WarningOver() if (event.origin_id, event.sequence) in warned:
+                    over = warned.pop((event.origin_id, event.sequence))
+                    over.ended_at = event.stamp_s
+                    ended.append(over)
+        return ended + list(warned.values())
+
+    def alarms(self, plate: str) -> list[Warned]:
+        """Return the alarms of a follower, each once however its level changed."""
+        active: dict[tuple[str, str], Warned] = {}
+        ended: list[Warned] = []
+        for event in self._events_of(plate):
+            if not isinstance(event, Alarm):
+                continue
+            key = event.cause, event.vehicle
+            if event.level is Level.NONE and key in active:
+                active[key].ended_at = event.stamp_s
+                ended.append(active.pop(key))
+            elif event.level is not Level.NONE and key not in active:
+                origin = event.reasons[0].name if event.cause == LCCA else ""
+                active[key] = Warned(plate, bytes.fromhex(origin), event.stamp_s)
+        return ended + list(active.values())
 
     def ignored(self) -> set[bytes]:
         """Return the signers that a follower ignores."""
         return {each.signer_id for _, each in self.events if isinstance(each, SignerIgnored)}
 
+    def _events_of(self, plate: str) -> Iterator[Event]:
+        return (event for name, event in self.events if name == plate)
+
     def _observe(self, speed_m_s: float) -> None:
         """Give every vehicle its speed, place and lead vehicle."""
-        self._way_m += STEP_S * speed_m_s
+        self.speed_m_s = speed_m_s
+        self.way_m += STEP_S * speed_m_s
         for number, plate in enumerate(PLATES):
-            place = placed(0.0, self._way_m - GAP_M * number)
+            place = placed(0.0, self.way_m - GAP_M * number)
             fix = Position(self.now, *place, None, 0.5, speed_m_s, 0.0)
             self._inputs[plate] += [fix, Speed(self.now, speed_m_s, 0.1, "dbc"), self._lead(number)]
 
     def _lead(self, number: int) -> Lead:
-        if number == 0:
+        text = PLATES[number - 1] if number else self._ahead
+        if text is None:
             return Lead(self.now, LeadIdentity.NO_LEAD)
-        text = PLATES[number - 1]
+        if not self._reads_plates:
+            return Lead(
+                self.now, LeadIdentity.UNKNOWN, None, GAP_M, 0.3, 0.0, 0.3, track_id=1 + number
+            )
         return Lead(
             self.now,
             LeadIdentity.KNOWN,
@@ -162,7 +202,7 @@ class AttackedGroup:
             0.3,
             0.0,
             0.3,
-            track_id=number,
+            track_id=1 + number,
             candidates=(PlateCandidate(text, 0.98),),
         )
 
@@ -200,13 +240,16 @@ class AttackedGroup:
                 yield from listener(message, secured, self.now)
 
     def _broadcast(self, wsm: bytes, sender: str | None = None) -> None:
-        for plate in PLATES:
-            if plate != sender:
+        for number, plate in enumerate(PLATES):
+            apart = 0 if sender is None else abs(number - PLATES.index(sender))
+            if plate != sender and apart <= self._reach:
                 self._inputs[plate].append(ReceivedWsm(self.now, wsm))
 
     def _overhear(self, wsms: Iterable[bytes]) -> None:
         """Take the leader's ID and event sequence number, as anybody in radio range can."""
         for frame in map(wsmp.decode, wsms):
+            if frame.psid == psid.BSM:
+                self.temporary_id = bsm_sender(frame) or self.temporary_id
             if frame.psid != psid.LCCA:
                 continue
             message = lcca.decode(ieee1609dot2.decode(frame.payload).payload).message

@@ -30,6 +30,20 @@ from sim_rig.studies.attacks.brake_claims import (
     by_bsm,
     by_footer,
 )
+from sim_rig.studies.attacks.forged_messages import (
+    ForgedAnswers,
+    ForgedJoins,
+    ForgedLeaves,
+    ForgedReplies,
+    ForgedUpdates,
+    Mimicry,
+    MimicryUnread,
+    NextLeader,
+    OtherEpochs,
+    Replay,
+    StatementFlood,
+)
+from sim_rig.studies.attacks.forged_signals import red_for
 from sim_rig.studies.attacks.group_attacks import (
     group_brakings,
     group_ends,
@@ -52,6 +66,7 @@ class AttackKind(StrEnum):
 
     BSM = "crossing vehicle, by BSM"
     FOOTER = "crossing vehicle, by footer"
+    SDSM = "crossing vehicle, by SDSM"
     ETERNAL = "vehicle on collision course for ever"
     FLICKERING = "vehicle in and out of the way"
     FOUR = "four crossing vehicles at once"
@@ -59,6 +74,7 @@ class AttackKind(StrEnum):
     TURNS = "crossing vehicles, under 20 pseudonyms by turns"
     PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
+    SIGNALS = "red lights for true vehicles, by MAP and SPAT"
     GROUP_UPDATES = "group updates under the leader's next numbers"
     GROUP_ENDS = "ends of the leader's brakings"
     GROUP_EARLY = "brakings of the leader before it brakes"
@@ -66,6 +82,17 @@ class AttackKind(StrEnum):
     GROUP_TURNS = "brakings of invented vehicles, under 20 pseudonyms by turns"
     HIJACK = "answers and warnings in the leader's name"
     FRAMING = "true brakings elsewhere, and old ones, passed on"
+    REPLAY = "true brakings of the leader, passed on again and again"
+    JOINS = "joins, with acknowledgements for the group"
+    REPLIES = "replies to the joins of others"
+    LEAVES = "leaves in its own name"
+    UPDATES = "updates that name it as the leader"
+    ANSWERS = "answers for others under its own ID"
+    NEXT_LEADER = "a leader whose next ID is that of a member"
+    OTHER_EPOCHS = "brakings under IDs of other epochs"
+    STATEMENTS = "100 statements of brakings a second"
+    MIMICRY = "BSMs from the leader's place"
+    MIMICRY_UNREAD = "BSMs from the leader's place, plates not read"
     ORACLE = "inquiries under changing IDs"
     BRAKE_CAMERA = "brake requests by BSMs from the place of the camera's lead"
     BRAKE_BOTH = "brake requests by BSMs from there, with a detector too"
@@ -88,13 +115,14 @@ def run_host(
         seed: of keys and draws.
         seconds: duration of the attack.
         insiders: their number.
-        checks: whether the host checks claims.
+        checks: whether the host checks claims; without, insiders may send as road-side units.
     """
     encounters = int(seconds // TRUE_EVERY_S)
     names = [f"insider{n}" for n in range(insiders)] + [f"true{n}" for n in range(encounters)]
     new_key = key_from(np.random.default_rng(seed))
     several = PSEUDONYMS if attack in VEHICLES_UNDER_EACH else 1
-    trial = make_trial(["host", *names], {psid.BSM}, START_UTC_S, new_key, pseudonyms=several)
+    services = psid.OF_VEHICLES if checks else psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS
+    trial = make_trial(["host", *names], services, START_UTC_S, new_key, pseudonyms=several)
     host = AttackedHost(trial["host"], START_UTC_S, checks=checks)
     senders = [
         partial(_by_turns, attack, host, pseudonyms_of(trial[name], n, START_UTC_S), n)
@@ -189,6 +217,19 @@ def crossing_footer(
     yield _beside(host, signer, signer.footer(number % 200, place_m, now), now)
 
 
+def crossing_sdsm(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """Report one invented vehicle after the other in messages of their own."""
+    number, place_m = _crossing(host, insider, now)
+    yield signer.bsm_at((40.0, host.north_m - 60.0), (0.0, SPEED_M_S), now)
+    yield signer.sdsm_at(number % 200, place_m, now)
+
+
+def red_lights(host: AttackedHost, signer: Signer, _insider: int, now: float) -> Iterator[bytes]:
+    """Each true vehicle has red where it crosses the host's path."""
+    left_s = TRUE_EVERY_S - now % TRUE_EVERY_S
+    yield from red_for((0.0, host.north_m + SPEED_M_S * left_s), host, signer, now)
+
+
 def eternal(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
     """Always on collision course, and always two seconds away."""
     ahead_m = 2.0 * SPEED_M_S + 3.0 * insider
@@ -238,6 +279,8 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.FOUR: four_at_once,
     AttackKind.BRAKING: braking_ahead,
     AttackKind.SAME_ID: same_id,
+    AttackKind.SDSM: crossing_sdsm,
+    AttackKind.SIGNALS: red_lights,
 }
 """The messages of each attack by BSMs."""
 VEHICLES_UNDER_EACH = {AttackKind.TURNS: 1, AttackKind.PSEUDONYMS: 3}
@@ -253,6 +296,17 @@ FORGERIES = {
 IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.HIJACK: Hijack,
     AttackKind.FRAMING: Framing,
+    AttackKind.REPLAY: Replay,
+    AttackKind.JOINS: ForgedJoins,
+    AttackKind.REPLIES: ForgedReplies,
+    AttackKind.LEAVES: ForgedLeaves,
+    AttackKind.UPDATES: ForgedUpdates,
+    AttackKind.ANSWERS: ForgedAnswers,
+    AttackKind.NEXT_LEADER: NextLeader,
+    AttackKind.OTHER_EPOCHS: OtherEpochs,
+    AttackKind.STATEMENTS: StatementFlood,
+    AttackKind.MIMICRY: Mimicry,
+    AttackKind.MIMICRY_UNREAD: MimicryUnread,
     AttackKind.ORACLE: Oracle,
 }
 """Who speaks for others in a warning group, or asks who is near."""

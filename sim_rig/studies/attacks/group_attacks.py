@@ -9,8 +9,9 @@ from functools import partial
 
 import numpy as np
 
+from onboard.lcca.epoch_ids import EpochIds
 from onboard.messages import lcca
-from onboard.messages.lcca import CarId, LccaMessage, Update, Warn, WarnCause
+from onboard.messages.lcca import CarId, GroupMessage, LccaMessage, Reply, Update, Warn, WarnCause
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.security.plate_digest import PlateDigest
@@ -19,13 +20,14 @@ from onboard.security.settings import PlateDigestSettings
 from onboard.tools.test_ca.authority import KnownPlate, make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_counts import AttackCounts
-from sim_rig.studies.attacks.attack_world import STEP_S, Sender, Signer
+from sim_rig.studies.attacks.attack_world import STEP_S, Place, Sender, Signer
 from sim_rig.studies.attacks.attacked_group import (
     BRAKING_S,
     DIGEST,
     FOLLOWERS,
     PLATES,
     AttackedGroup,
+    Warned,
 )
 
 NUMBERS = 2
@@ -104,7 +106,7 @@ def brake_under_attack(
     for _ in range(int((seconds - QUIET_S) // BRAKES_EVERY_S)):
         brakings_at.append(group.now + round(rng.uniform(0.0, BRAKES_EVERY_S / 2.0), 1))
         group.drive(BRAKES_EVERY_S, senders, brakings_at[-1])
-    found = [_count_warned(group, plate, brakings_at) for plate in FOLLOWERS]
+    found = [_count_alarms(group, plate, brakings_at) for plate in FOLLOWERS]
     false_alarms, false_alarm_s, missed = zip(*found, strict=True)
     return AttackCounts(
         false_alarms=max(false_alarms),
@@ -115,23 +117,30 @@ def brake_under_attack(
     )
 
 
-def _count_warned(
+def _count_alarms(
     group: AttackedGroup, plate: str, brakings_at: Sequence[float]
 ) -> tuple[int, float, int]:
-    """Return false warnings of a follower, for how long, and the brakings it was not warned of."""
-    warned = [each for each in group.warned() if each.plate == plate]
-    leaders = [each for each in warned if each.origin_id in group.leader_ids]
-    missed = sum(
-        not any(each.began_at <= at + LATEST_S and each.ended_at > at for each in leaders)
-        for at in brakings_at
-    )
-    true = [
-        each
-        for each in leaders
-        if any(at <= each.began_at <= at + BRAKING_S + LATEST_S for at in brakings_at)
-    ]
-    false_s = [min(each.ended_at, group.now) - each.began_at for each in warned if each not in true]
+    """Return false alarms of a follower, for how long, and the brakings it had no alarm of."""
+    alarms = group.alarms(plate)
+    warned = [each for each in group.warned(plate) if each.origin_id in group.leader_ids]
+    missed = sum(not (_is_on(warned, at) and _is_on(alarms, at)) for at in brakings_at)
+    false = [each for each in alarms if not _is_true(each, group, brakings_at)]
+    false_s = [min(each.ended_at, group.now) - each.began_at for each in false]
     return len(false_s), round(sum(false_s), 1), missed
+
+
+def _is_on(warned: Sequence[Warned], braked_at: float) -> bool:
+    """Whether one is on in time after the start of a braking."""
+    return any(
+        each.began_at <= braked_at + LATEST_S and each.ended_at > braked_at for each in warned
+    )
+
+
+def _is_true(alarm: Warned, group: AttackedGroup, brakings_at: Sequence[float]) -> bool:
+    """Whether an alarm is of the leader, or of nobody by name, and began while it braked."""
+    return (not alarm.origin_id or alarm.origin_id in group.leader_ids) and any(
+        at <= alarm.began_at <= at + BRAKING_S + LATEST_S for at in brakings_at
+    )
 
 
 class GroupInsider:
@@ -147,6 +156,7 @@ class GroupInsider:
             utc_s: seconds since 1970.
         """
         self._utc_s = utc_s
+        self._epoch_ids = EpochIds(digest, plate)
         self._radios = [
             (Signer(one, utc_s, plate[-4:].encode()), Pseudonyms(plate, digest, one, rng))
             for one, rng in zip(
@@ -156,21 +166,37 @@ class GroupInsider:
             )
         ]
 
+    def masked(self, reply: Reply, now: float) -> GroupMessage:
+        """Return an own reply as it is sent: only who reads the plate knows the next ID in it."""
+        return self._epoch_ids.to_send(reply, self._utc_s + now)
+
     def own_id(self, now: float) -> CarId:
         """Return the communication ID of its vehicle."""
         return self._radios[0][1].at(self._utc_s + now).car_id
 
-    def signed(self, message: LccaMessage, now: float, origin: bytes = b"") -> bytes:
+    def bsm_at(self, place_m: Place, velocity_m_s: tuple[float, float], now: float) -> bytes:
+        """Return a signed BSM; see `Signer.bsm_at`."""
+        return self._radios[0][0].bsm_at(place_m, velocity_m_s, now)
+
+    def signed(
+        self,
+        message: LccaMessage,
+        now: float,
+        origin: bytes = b"",
+        *,
+        proved_at: float | None = None,
+    ) -> bytes:
         """Return a message signed, with the proof of its own ID, in a WSM.
 
         Args:
             message: the message.
             now: the time.
             origin: of a warning that it repeats, what the braking vehicle signed.
+            proved_at: time at which the ID is the own one; now, if not given.
         """
         turn = round(now / STEP_S) // PERIOD_MESSAGES
         signer, pseudonyms = self._radios[turn % len(self._radios)]
-        proof = pseudonyms.at(self._utc_s + now).proof
+        proof = pseudonyms.at(self._utc_s + (now if proved_at is None else proved_at)).proof
         return signer.signed(lcca.encode(message, proof, origin), psid.LCCA, now)
 
 

@@ -6,6 +6,7 @@ is used. Without checks, the certificates commit to no IDs.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from typing_extensions import override
@@ -37,6 +38,7 @@ from sim_rig.studies.attacks.attacked_group import (
     LEADER,
     PLATES,
     AttackedGroup,
+    Listener,
 )
 from sim_rig.studies.attacks.group_attacks import (
     BRAKING_MESSAGES,
@@ -54,6 +56,13 @@ ELSEWHERE = "DDD4"
 
 class Imposture:
     """One insider in radio range of the group."""
+
+    reach: ClassVar[int] = len(PLATES)
+    """Vehicles ahead and behind that a vehicle of the group receives; insiders reach all."""
+    reads_plates: ClassVar[bool] = True
+    """Whether the cameras do."""
+    leads: ClassVar[bool] = False
+    """Whether the first insider drives ahead of the group."""
 
     def __init__(self, insider: GroupInsider, group: AttackedGroup, plates: "Plates") -> None:
         """Begin with the attack."""
@@ -98,7 +107,7 @@ class Hijack(Imposture):
         """Warn, reply, leave and join for others."""
         lead, follower = (self.plates.car_id(plate, now) for plate in PLATES[:2])
         sequence = round(now / STEP_S) // PERIOD_MESSAGES % (1 << 16)
-        own = _braking(lead, lead, sequence)
+        own = braking(lead, lead, sequence)
         yield self.insider.signed(own, now)
         yield self.insider.signed(replace(own, cause=WarnCause.OVER), now)
         yield self.insider.signed(replace(own, sender_id=self.insider.own_id(now)), now)
@@ -128,7 +137,7 @@ class Framing(Imposture):
         origin = self.plates.elsewhere.own_id(now)
         number, into = divmod(round(now / STEP_S), PERIOD_MESSAGES)
         if into < BRAKING_MESSAGES:
-            true = _braking(origin, origin, number)
+            true = braking(origin, origin, number)
             signed = wsmp.decode(self.plates.elsewhere.signed(true, now)).payload
             yield self._copy(replace(true, sender_id=own, leader_id=lead), signed, now)
         if self._old is not None:
@@ -188,16 +197,25 @@ def run_imposture(
         pseudonyms=1,
         plates=plates if checks else {},
     )
-    group = AttackedGroup(keys, utc_s, rngs, checks=checks)
-    group.drive(JOINED_S)
+    group = AttackedGroup(
+        keys,
+        utc_s,
+        rngs,
+        checks=checks,
+        reach=kind.reach,
+        reads_plates=kind.reads_plates,
+        ahead=names[0] if kind.leads else None,
+    )
     known = Plates(utc_s, digest, GroupInsider(ELSEWHERE, digest, keys[ELSEWHERE], utc_s))
     attackers = [
         kind(GroupInsider(name, digest, keys[name], utc_s), group, known) for name in names
     ]
-    group.listeners = [each.answers for each in attackers]
-    senders = [each.sends for each in attackers]
     answered = _AnswersCounted(attackers)
-    group.listeners.append(answered.receive)
+    listeners: list[Listener] = [*(each.answers for each in attackers), answered.receive]
+    group.listeners = listeners if kind.leads else []
+    group.drive(JOINED_S)
+    group.listeners = listeners
+    senders = [each.sends for each in attackers]
     counts = brake_under_attack(group, senders, seconds, rng)
     honest = {
         own.certificate.hashed_id8 for name in (*PLATES, ELSEWHERE) for own in keys[name].pseudonyms
@@ -222,7 +240,8 @@ class _AnswersCounted:
         yield from ()
 
 
-def _braking(origin: CarId, leader: CarId, sequence: int) -> Warn:
+def braking(origin: CarId, leader: CarId, sequence: int) -> Warn:
+    """Return a warning of a braking as its own vehicle sends it."""
     sequence %= 1 << 16
     return Warn(
         origin, leader, 1, origin, sequence, 5, 1, sequence, WarnCause.DECELERATION, 8.0, 0.01, 1

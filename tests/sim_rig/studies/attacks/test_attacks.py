@@ -1,11 +1,17 @@
-"""The study of attacks: two insiders cost four false alarms at most, and true ones are heard."""
+"""The study of attacks: insiders cost three false alarms at most, and true ones are heard."""
 
 import csv
 from pathlib import Path
 
 import pytest
 
-from sim_rig.studies.attacks.attacks import BRAKE_CLAIMS, START_UTC_S, AttackKind
+from sim_rig.studies.attacks.attacks import (
+    BRAKE_CLAIMS,
+    IMPOSTURES,
+    START_UTC_S,
+    AttackKind,
+    run_host,
+)
 from sim_rig.studies.attacks.attacks_study import STUDY, AttacksSettings
 from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
 from sim_rig.studies.attacks.certificate_flood import (
@@ -13,6 +19,9 @@ from sim_rig.studies.attacks.certificate_flood import (
     MEETS_S,
     run_certificate_flood,
 )
+from sim_rig.studies.attacks.forged_messages import NextLeader
+from sim_rig.studies.attacks.group_attacks import QUIET_S
+from sim_rig.studies.attacks.impostures import run_imposture
 from sim_rig.studies.campaigns.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
@@ -22,11 +31,11 @@ FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
 def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:
     summary = STUDY.write(tmp_path, FEW, Workers())
 
-    assert summary == "at most 2.0 false alarms an insider; 0 of 2 true alarms missed"
+    assert summary == "at most 1.5 false alarms an insider; 0 of 2 true alarms missed"
     _, unchecked, checked = (tmp_path / "table.csv").read_text().splitlines()
     assert unchecked.startswith('"crossing vehicle, by BSM",1,False,1,40,')
-    assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,4,')
-    assert ",2,0,2.5," in checked
+    assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,3,')
+    assert ",2,0," in checked
 
 
 @pytest.mark.long
@@ -62,7 +71,7 @@ def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
     STUDY.write(tmp_path, footers, Workers())
 
     (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
-    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,4,')
+    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,3,')
 
 
 @pytest.mark.parametrize("attack", BRAKE_CLAIMS)
@@ -75,9 +84,26 @@ def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKi
     assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)
 
 
+def test_a_leader_that_names_a_member_as_its_next_id_takes_no_follower_from_it() -> None:
+    """The member's joins were taken for the leader's own, and both followers lost their group."""
+    counts = run_imposture(NextLeader, (1,), START_UTC_S, QUIET_S + 10.0, insiders=1, checks=True)
+
+    assert (counts.true_alarms, counts.true_missed) == (2, 0)
+
+
+def test_a_red_light_that_a_vehicle_shows_is_none() -> None:
+    counts = run_host(AttackKind.SIGNALS, (1,), 20.0, insiders=1, checks=True)
+
+    assert (counts.true_alarms, counts.true_missed, counts.false_alarms) == (1, 0, 0)
+
+
+FALSE_ALARMS = dict.fromkeys(IMPOSTURES, 0) | {AttackKind.FRAMING: 3}
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("attack", "false_alarms"), [(AttackKind.HIJACK, 0), (AttackKind.FRAMING, 3)]
+    ("attack", "false_alarms"),
+    [each for each in FALSE_ALARMS.items() if each[0] is not AttackKind.MIMICRY_UNREAD],
 )
 def test_who_speaks_for_others_silences_nothing_and_has_nobody_charged(
     tmp_path: Path, attack: AttackKind, false_alarms: int
