@@ -85,8 +85,13 @@ lint: .venv/ready ## style and types only
 bench: .venv/ready ## all measurements
 	$(PYTHON) -m bench
 
-fuzz: .venv/ready ## damaged input for every decoder
-	$(PYTHON) -m fuzz --seconds 20
+# The fuzzer has wheels for x86-64 only.
+fuzz: .venv/ready .venv-fuzz/ready ## damaged input for every decoder
+	PYTHONPATH=.venv-fuzz $(PYTHON) -m fuzz --seconds 20
+
+.venv-fuzz/ready: fuzz/requirements.lock
+	$(PYTHON) -m pip install --quiet --no-deps --require-hashes --target .venv-fuzz -r $<
+	@touch $@
 
 # Every comparison of the requests to brake and of misbehaviour detection changed, one at a time.
 .PHONY: mutate
@@ -127,16 +132,17 @@ system-packages: ## Debian packages that tests compare with
 	sh tools/set-up.sh requirements-rig.lock
 	@touch $@
 
-# The lock covers the car, the rig, development and fuzzing; training has its own (training/).
-# What of it the demo needs stands again in requirements-rig.lock, with setuptools to install this
-# project, and what goes into a car in deploy/, for its installer.
+# The lock covers the car, the rig with its studies, and development; fuzzing and training have their
+# own. What of it the demo needs stands again in requirements-rig.lock, with setuptools to install
+# this project, and what goes into a car in deploy/, for its installer.
 LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
 lock: ## pins all versions anew
-	$(LOCK) --extra rig --extra cluster --extra dev --extra fuzz pyproject.toml -o requirements.lock
+	$(LOCK) --extra rig --extra studies --extra sumo --extra video --extra cluster --extra dev pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 	echo 'mutmut>=3.8' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/mutation.lock
+	printf '%s\n' "atheris<3.1; python_version < '3.12'" "atheris>=3.1; python_version >= '3.12'" | $(LOCK) --no-annotate - -o fuzz/requirements.lock
 	echo pip | $(LOCK) --no-annotate - -o deploy/installer.lock
 
 clean: ## removes .venv, build and out
-	rm -rf .venv .venv-mutation build mutants out
+	rm -rf .venv .venv-fuzz .venv-mutation build mutants out

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import atheris  # type: ignore[import-untyped]
+import atheris
 
 CORPUS = Path(__file__).parent / "corpus"
 FOUND = Path("out/fuzz")

@@ -335,10 +335,14 @@ def _settings_given(words: list[str], studies: list[str]) -> dict[str, object]:
     }
 
 
+_EXTRAS = {"libsumo": "sumo", "scipy": "studies", "statsmodels": "studies"}
+"""The extra of a package that is not in `rig`."""
+
+
 def main() -> None:
     """Run the command line; an error of the user is one line on stderr and exit code 2.
 
-    A package of the extra `rig` that is not installed is such an error.
+    A package of an extra that is not installed is such an error.
     """
     try:
         app()
@@ -349,5 +353,6 @@ def main() -> None:
         missing = (error.name or "").partition(".")[0]
         if missing in {"", "onboard", "sim_rig"}:
             raise
-        typer.echo(f"sim-rig needs {missing}: pip install 'onboard[rig]'", err=True)
+        extra = _EXTRAS.get(missing, "rig")
+        typer.echo(f"sim-rig needs {missing}: pip install 'onboard[{extra}]'", err=True)
         sys.exit(2)

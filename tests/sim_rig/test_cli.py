@@ -93,19 +93,30 @@ def test_help_and_list_need_no_large_package(command: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("package", "command"),
+    ("package", "extra", "command"),
     [
-        ("PIL", ("run", "fig4", "--virtual")),
-        ("matplotlib", ("run", "fig4", "--virtual")),
-        ("statsmodels", ("study", "rakhshan-figure6")),
+        ("PIL", "rig", ("run", "fig4", "--virtual")),
+        ("matplotlib", "rig", ("run", "fig4", "--virtual")),
+        ("statsmodels", "studies", ("study", "rakhshan-figure6")),
+        ("scipy", "studies", ("study", "crossing-alarms")),
     ],
 )
 def test_a_package_of_the_extra_that_is_missing_is_one_line(
-    tmp_path: Path, package: str, command: tuple[str, ...]
+    tmp_path: Path, package: str, extra: str, command: tuple[str, ...]
 ) -> None:
     run = without((package,), *command, "--out", str(tmp_path))
     assert run.returncode == 2
-    assert run.stderr == f"sim-rig needs {package}: pip install 'onboard[rig]'\n"
+    assert run.stderr == f"sim-rig needs {package}: pip install 'onboard[{extra}]'\n"
+
+
+@pytest.mark.long
+def test_a_study_of_sumos_traffic_without_sumo_ends_with_one_line(tmp_path: Path) -> None:
+    grid = ("study", "mvs-figure8", "--scene", "sumo-grid", "--workers", "1")
+    run = without(("libsumo",), *grid, "--out", str(tmp_path))
+    assert run.returncode == 2
+    progress, *lines = run.stderr.splitlines()
+    assert progress.endswith(" runs")
+    assert lines == ["sim-rig needs libsumo: pip install 'onboard[sumo]'"]
 
 
 def test_the_version_names_commit_and_date(terminal: Terminal) -> None:

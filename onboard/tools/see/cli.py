@@ -215,9 +215,9 @@ def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
 def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
     """Write H.264 in the size of the first frame; others are scaled to it."""
     try:
-        import av  # noqa: PLC0415 (in the extra `rig`: a vehicle writes no video)
+        import av  # noqa: PLC0415 (in the extra `video`: a vehicle writes none)
     except ImportError as error:
-        raise UserError("--video needs PyAV: pip install 'onboard[rig]'") from error
+        raise UserError("--video needs PyAV: pip install 'onboard[video]'") from error
     with writing(path):
         container = av.open(str(path), "w")
         stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
