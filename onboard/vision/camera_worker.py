@@ -28,7 +28,7 @@ from onboard.vision.networks import load_perception
 from onboard.vision.seen import Seen
 
 NICENESS = 10
-"""Niceness of the process: warnings take precedence over frames."""
+"""Niceness of the thread that sees: warnings take precedence over frames."""
 
 OOM_SCORE = 500
 """When memory is short, the kernel ends this process, not the daemon (proc(5), oom_score_adj)."""
@@ -40,7 +40,6 @@ MOST_MEMORY_BYTES = 500 * 2**20
 def main() -> None:
     """Work until the daemon is gone; see the docstring of this module."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the daemon, and that this process
-    lower_thread_priority(NICENESS)  # of all threads: new ones inherit it
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(OOM_SCORE), "ascii")
     cv2.setNumThreads(1)  # leaves the other cores to the rest
@@ -66,6 +65,7 @@ def _work(work: CameraWork, connection: Connection) -> None:
     follower = threading.Thread(target=_follow_daemon, args=(connection, observer), daemon=True)
     follower.start()
     connection.send(Seen())
+    lower_thread_priority(NICENESS)  # now that no one waits for it
     while (memory_bytes := resident_bytes()) <= MOST_MEMORY_BYTES:
         frame = source.next_frame()
         connection.send(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from onboard.tools.cli import app as onboard
+from onboard.tools.commands import COMMANDS as ONBOARD_COMMANDS
 from sim_rig.cli import app as sim_rig
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.studies.campaigns.catalogue import study_names
@@ -14,7 +14,7 @@ from tests.docs.test_pages import PAGES, ROOT, name_of
 from tests.typed import a
 
 COMMANDS = {
-    "onboard": set(a(typer.core.TyperGroup, typer.main.get_command(onboard)).commands),
+    "onboard": set(ONBOARD_COMMANDS),
     "sim-rig": set(a(typer.core.TyperGroup, typer.main.get_command(sim_rig)).commands),
 }
 TARGETS = set(re.findall(r"(?m)^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8")))

@@ -1,0 +1,98 @@
+"""The commands of `onboard`, each imported when it runs.
+
+To list or complete them, a shell asks often, and their imports take a second.
+"""
+
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import typer
+import typer.core
+from typing_extensions import override
+
+
+class Command(NamedTuple):
+    """Where a command is, and what lists show of it."""
+
+    module: str
+    name: str
+    """Of its function, or of the `Typer` of its own commands."""
+    help: str
+
+
+COMMANDS = {
+    "run": Command(
+        "onboard.tools.run_cli",
+        "run",
+        "Run the daemon until it is stopped. SIGHUP reloads its configuration.",
+    ),
+    "check": Command(
+        "onboard.tools.check_cli",
+        "check",
+        "Check a configuration: print every mistake, or the edges it uses. Opens no device.",
+    ),
+    "doctor": Command(
+        "onboard.tools.doctor.cli",
+        "doctor",
+        "Test every connection; print what is missing and what to do. Exit with 1 if anything is.",
+    ),
+    "replay": Command(
+        "onboard.tools.replay_cli",
+        "replay",
+        "Replay a recorded drive; print observations and decisions, one JSON object a line.",
+    ),
+    "export": Command(
+        "onboard.tools.recording_cli",
+        "export",
+        "Export the radio and CAN frames of a black box recording, for other tools.",
+    ),
+    "decode": Command(
+        "onboard.tools.decode.cli",
+        "decode",
+        "Print the radio messages in a capture or in lines of hex, one JSON object each.",
+    ),
+    "see": Command(
+        "onboard.tools.see.cli",
+        "see",
+        "Find, read and track plates in a video or in images. Searches all of every frame.",
+    ),
+    "calibrate": Command(
+        "onboard.tools.calibrate.cli",
+        "calibrate",
+        "Find the camera's lens and mounting, from images of a chessboard or of a plate.",
+    ),
+    "keys": Command(
+        "onboard.tools.test_ca.cli",
+        "keys",
+        "Make and show IEEE 1609.2 certificates: a root, an authority, and those of each vehicle.",
+    ),
+}
+
+
+class LazyGroup(typer.core.TyperGroup):
+    """Lists all commands, and imports the one that is used."""
+
+    @override
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    @override
+    def get_command(self, ctx: Any, cmd_name: str) -> typer.core.TyperCommand | None:
+        command = COMMANDS.get(cmd_name)
+        return None if command is None else typer.core.TyperCommand(cmd_name, help=command.help)
+
+    @override
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command if name is None else imported(name), rest
+
+
+def imported(name: str) -> Any:
+    """Import a command of `COMMANDS`, one of Click's: Typer has its own copy of these."""
+    module, attribute, _ = COMMANDS[name]
+    command = getattr(import_module(module), attribute)
+    if not isinstance(command, typer.Typer):
+        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        app.command(name)(command)
+        command = app
+    return typer.main.get_command(command)

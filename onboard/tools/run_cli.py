@@ -1,0 +1,46 @@
+"""`onboard run`: the daemon."""
+
+import asyncio
+import faulthandler
+import logging
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import structlog
+import typer
+
+from onboard.runtime.service import Service
+
+PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
+"""Severities of syslog (RFC 5424, table 2), by structlog's names."""
+
+
+def run(
+    config: Annotated[Path, typer.Argument(help="The car's configuration, a YAML file.")],
+) -> None:
+    """Run the daemon until it is stopped. SIGHUP reloads its configuration."""
+    faulthandler.enable()  # A watchdog's SIGABRT then logs where it hung.
+    _configure_log()
+    asyncio.run(Service(config).run())
+
+
+def _configure_log() -> None:
+    in_journal = "JOURNAL_STREAM" in os.environ
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.JSONRenderer(),
+            *([_with_priority] if in_journal else []),
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+    )
+
+
+def _with_priority(_logger: object, method: str, line: object) -> str:
+    """Add the priority that `journalctl -p` reads to a log line (sd-daemon(3))."""
+    priority = PRIORITIES.get(method, PRIORITIES["info"])
+    return f"<{priority}>{line}"
