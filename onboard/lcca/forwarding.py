@@ -166,9 +166,16 @@ class Forwarding:
         )
 
     def is_duplicate(self, warn: Warn, now: float) -> bool:
-        """Whether a copy was received before that is as new, or this vehicle started it."""
+        """Whether a copy was received before that is as new, or this vehicle started it.
+
+        Whoever sends a copy first may pretend that it is old, so that its warning soon ends: a much
+        newer one is no copy of it.
+        """
         entry = self._messages.get(_statement_of(warn))
-        return entry is not None and _made_at(warn, now) <= entry.made_at + SAME_STATEMENT_S
+        if entry is None:
+            return False
+        is_as_new = now - warn.age_s <= entry.received_at - entry.warn.age_s + SAME_STATEMENT_S
+        return is_as_new and _made_at(warn, now) <= entry.made_at + SAME_STATEMENT_S
 
     def originate(self, warn: Warn, now: float) -> None:
         """Start the warning; the caller sends its first copy now."""

@@ -1,11 +1,12 @@
 """Which warnings and updates one member accepts, and what it repeats."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from onboard.lcca.events import MeasuredLead
+from onboard.lcca.events import MeasuredLead, WarningOver
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import DEFAULTS, GroupParameters
 from onboard.messages.lcca import NO_ID, Join, Reply, Update, Warn, WarnCause
@@ -206,6 +207,23 @@ def test_a_copy_that_others_make_up_takes_nothing_from_the_known_one() -> None:
     assert (copy.origin_number, copy.hops, round(copy.age_s, 6)) == (1, 2, 0.12)
 
 
+@pytest.mark.parametrize("stated_at_s", [None, -0.1])
+@pytest.mark.parametrize("pretended_s", [0.8, 2.95])
+def test_a_copy_that_comes_first_and_pretends_to_be_old_ends_nothing_early(
+    pretended_s: float, stated_at_s: float | None
+) -> None:
+    car = Listener()
+    car.hears(Join(OUTSIDER, A, 4, C, 0, NO_ID, 0))  # the radio reaches two vehicles behind
+    true = warn(event_origin_id=Z, reach=3, stated_at_s=stated_at_s)
+    car.hears(replace(true, sender_id=OUTSIDER, age_s=pretended_s, hops=2))
+    assert car.hears(true) == []
+    car.group.handle_timer(0.2)
+    copies = [m for m in car.group.messages_to_send(0.2) if isinstance(m, Warn)]
+    assert [round(each.age_s, 6) for each in copies] == [0.3]
+    car.group.handle_timer(DEFAULTS.event_lifetime_s - 0.11)
+    assert not any(isinstance(each, WarningOver) for each in iter(car.group.next_event, None))
+
+
 def test_a_copy_from_behind_delays_a_warning_until_acknowledgements_are_checked() -> None:
     car = Listener()
     car.hears(warn(reach=3))
@@ -219,7 +237,7 @@ def test_what_a_braking_vehicle_signed_tells_its_warnings_apart_whatever_copies_
     """A later braking of another signer under the same number is another one."""
     car = Listener()
     car.hears(warn(stated_at_s=-0.1))
-    assert car.hears(warn(sender_id=OUTSIDER, age_s=-5.0, stated_at_s=-0.1)) == ["duplicate"]
+    assert car.hears(warn(sender_id=OUTSIDER, age_s=-0.3, stated_at_s=-0.1)) == ["duplicate"]
     assert car.hears(warn(age_s=0.0, stated_at_s=0.5)) != ["duplicate"]
 
 
