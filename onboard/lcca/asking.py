@@ -1,17 +1,21 @@
 """Whose inquiries are answered: of one that may be behind and near, and not too often.
 
 An answer is larger than an inquiry, and joins a vehicle ID to a certificate. Asked by the temporary
-ID of its BSMs, a vehicle gives away an ID that the asker cannot have read: only who is behind and
-near by its own BSMs gets it.
+ID of its BSMs, a vehicle gives away an ID that the asker cannot have read: who is ahead or far by
+its own BSMs does not get it. Whose place is unknown does: a vehicle without GNSS may be behind, and
+whoever lies about its place gets the ID anyway.
 """
 
+import math
 from collections import OrderedDict
 
 ANSWERS_PER_S, ANSWERS_AT_ONCE = 2.0, 3
 """Answers to one signer in the long run, under however many IDs it asks, and at once: the first one
 may be lost."""
 ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE = 20.0, 20
-"""Answers to all: ten vehicles that ask as often as they may."""
+"""First answers to all askers, and further ones: ten vehicles that ask as often as they may."""
+WITHOUT_S = 0.5
+"""An answer after so much longer than its interval is a first one again: one a second is."""
 MAX_ASKERS = 64
 """Askers whose last answers are remembered."""
 NEAR_M = 200.0
@@ -35,25 +39,43 @@ def is_behind(offset_m: Offset) -> bool:
     return ahead_m <= BESIDE_M + 3.0 * sigma_m
 
 
+class _Budget:
+    """So many answers a second in the long run, and so many at once."""
+
+    def __init__(self, per_s: float, at_once: int) -> None:
+        self._per_s = per_s
+        self._at_once = at_once
+        self.due_at = -math.inf
+        """When all answers were due, had they come at that rate."""
+
+    def has_left(self, now: float) -> bool:
+        """Whether an answer may be sent."""
+        return self.due_at - now <= (self._at_once - 1) / self._per_s
+
+    def take(self, now: float) -> None:
+        """Count an answer."""
+        self.due_at = max(self.due_at, now) + 1.0 / self._per_s
+
+
 class AnswerLimit:
     """How many answers are sent, to each asker and in all."""
 
     def __init__(self) -> None:
-        self._due_at: OrderedDict[bytes, float] = OrderedDict()
-        """By asker: when all its answers were due, had they come at `ANSWERS_PER_S`."""
-        self._all_due_at = float("-inf")
+        self._askers: OrderedDict[bytes, _Budget] = OrderedDict()
+        self._first = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
+        """Of those that got none lately: others that ask often take nothing from it."""
+        self._further = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
 
     def take(self, asker: bytes, now: float) -> bool:
         """Return whether an answer may be sent now, and count it."""
-        due_at = max(self._due_at.get(asker, now), now)
-        all_due_at = max(self._all_due_at, now)
-        if due_at - now > (ANSWERS_AT_ONCE - 1) / ANSWERS_PER_S:
+        own = self._askers.get(asker) or _Budget(ANSWERS_PER_S, ANSWERS_AT_ONCE)
+        of_all = self._first if now >= own.due_at + WITHOUT_S else self._further
+        if not own.has_left(now) or not of_all.has_left(now):
             return False
-        if all_due_at - now > (ALL_ANSWERS_AT_ONCE - 1) / ALL_ANSWERS_PER_S:
-            return False
-        self._all_due_at = all_due_at + 1.0 / ALL_ANSWERS_PER_S
-        self._due_at[asker] = due_at + 1.0 / ANSWERS_PER_S
-        self._due_at.move_to_end(asker)
-        if len(self._due_at) > MAX_ASKERS:
-            self._due_at.popitem(last=False)
+        own.take(now)
+        of_all.take(now)
+        self._askers[asker] = own
+        self._askers.move_to_end(asker)
+        if len(self._askers) > MAX_ASKERS:
+            self._askers.popitem(last=False)
         return True

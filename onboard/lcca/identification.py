@@ -328,11 +328,9 @@ class Identification(Core):
         )
 
     def _may_ask(self, signer: bytes, *, is_read: bool) -> bool:
-        """Whether an asker is where it can be; where it is unknown, only a plate that was read."""
+        """Whether an asker may be behind and near, by what is known of its place."""
         offset_m = self._offsets_m.get(self._temporary_ids.get(signer, b""))
-        if offset_m is None:
-            return is_read
-        return is_near(offset_m) and (is_read or is_behind(offset_m))
+        return offset_m is None or (is_near(offset_m) and (is_read or is_behind(offset_m)))
 
     # Deciding
 

@@ -114,14 +114,18 @@ def read_own_credentials(
     token = None if security.token is None else Pkcs11Token(security.token)
     credentials = read_credentials(security.keys_folder, psids, token)
     if credentials.commit_to_ids:
+        first = credentials.pseudonyms[0].certificate
         digest = PlateDigest(security.plate_digest)
-        own = [(each.certificate, each.committed) for each in credentials.pseudonyms]
-        _check_ids_of(own, security.keys_folder, plate, digest)
+        epoch = digest.epoch(first.subject.valid_from_utc_s)
+        committed = [own.committed for own in credentials.pseudonyms]
+        _check_id_of(epoch, committed, security.keys_folder, plate, digest)
     return credentials
 
 
 def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
-    """Check that a car's certificates commit to its IDs; their keys may be elsewhere.
+    """Check that each of a car's certificates commits to its IDs; their keys may be elsewhere.
+
+    Of those with one validity, each has one of as many epochs from its beginning.
 
     Args:
         folder: the folder of the car.
@@ -131,30 +135,31 @@ def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
     Raises:
         KeyFilesError: they commit to those of another plate or community key, or to none.
     """
-    files = sorted((folder / "pseudonyms").glob("*.cert"))
-    certificates = [_read_certificate(file) for file in files]
-    committed = [
-        _read_committed(file.with_suffix(".ids"), certificate)
-        for file, certificate in zip(files, certificates, strict=True)
-    ]
-    _check_ids_of(list(zip(certificates, committed, strict=True)), folder, plate, digest)
+    by_begin: dict[float, list[tuple[bytes, ...]]] = {}
+    for file in sorted((folder / "pseudonyms").glob("*.cert")):
+        certificate = _read_certificate(file)
+        begin = by_begin.setdefault(certificate.subject.valid_from_utc_s, [])
+        begin.append(_read_committed(file.with_suffix(".ids"), certificate))
+    for begins_utc_s, committed in by_begin.items():
+        for later in range(len(committed)):
+            epoch = digest.epoch(begins_utc_s) + later
+            _check_id_of(epoch, committed, folder, plate, digest)
 
 
-def _check_ids_of(
-    own: Sequence[tuple[Certificate, tuple[bytes, ...]]],
+def _check_id_of(
+    epoch: int,
+    committed: Sequence[tuple[bytes, ...]],
     folder: Path,
     plate: str,
     digest: PlateDigest,
 ) -> None:
-    """Check certificates with what they commit to by one of the first one's epochs."""
-    begins_utc_s = own[0][0].subject.valid_from_utc_s if own else 0.0
-    its_leaf = leaf(digest.epoch(begins_utc_s), digest.car_id(plate, begins_utc_s))
-    if not any(its_leaf in committed for _, committed in own):
+    its_leaf = leaf(epoch, digest.car_id(plate, digest.begins_at(epoch)))
+    if not any(its_leaf in each for each in committed):
+        file = folder / "pseudonyms" / f"{epoch % len(committed):03}.cert"
         raise KeyFilesError(
-            f"{folder / 'pseudonyms' / '000.cert'}: commits to the IDs of another vehicle than"
-            f" {plate} (`car.plate`), or of another `security.plate_digest` (`community_key`,"
-            " `epoch_s`, `scrypt_log2_n`), or to none; make certificates with"
-            " `onboard keys car --config`"
+            f"{file}: commits to the IDs of another vehicle than {plate} (`car.plate`), or of"
+            " another `security.plate_digest` (`community_key`, `epoch_s`, `scrypt_log2_n`), or to"
+            " none; make certificates with `onboard keys car --config`"
         )
 
 

@@ -1,5 +1,7 @@
 """Who is ahead: inquiries, answers, and the decision."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -366,14 +368,33 @@ def test_many_signers_together_are_answered_twenty_times_a_second() -> None:
     assert set(drive.discarded()) == {"too_often"}
 
 
+def test_many_who_ask_as_often_as_they_may_leave_a_vehicle_behind_an_answer_a_second() -> None:
+    drive = Drive()
+    for step in range(600):
+        now = step * 0.01
+        for signer in range(19):
+            inquiry = Inquiry(AHEAD, step, (OWN[:NAME_BYTES],))
+            drive.core.receive_message(inquiry, signer.to_bytes(8), now)
+        if step % 30 == 29:
+            drive.core.receive_message(Inquiry(TWIN, step, (OWN[:NAME_BYTES],)), b"honest", now)
+    answers = [a(Answer, each) for each in drive.core.messages_to_send()]
+    to_honest = [each.sequence * 0.01 for each in answers if each.to_id == TWIN]
+    assert to_honest[0] == pytest.approx(0.29)
+    assert max(later - earlier for earlier, later in pairwise(to_honest)) < 1.25
+    assert len(answers) <= 2 * (ALL_ANSWERS_AT_ONCE + 6.0 * ALL_ANSWERS_PER_S)
+
+
 @pytest.mark.parametrize(
     ("ahead_m", "read", "by_bsms"),
-    [(None, True, False), (-30.0, True, True), (40.0, True, False), (-250.0, False, False)],
+    [(None, True, True), (-30.0, True, True), (40.0, True, False), (-250.0, False, False)],
 )
-def test_who_asks_by_bsms_is_behind_and_near_and_who_has_read_the_plate_is_near(
+def test_who_asks_by_bsms_may_be_behind_and_near_and_who_has_read_the_plate_near(
     ahead_m: float | None, read: bool, by_bsms: bool
 ) -> None:
-    """An ID tells a participant which of the plates that it knows is there."""
+    """An ID tells a participant which of the plates that it knows is there.
+
+    Who sends no place may be behind all the same, without GNSS.
+    """
     for name, is_answered in ((OWN[:NAME_BYTES], read), (TEMPORARY[OWN], by_bsms)):
         drive = Drive()
         drive.core.receive_speed_on_air(b"signer 9", b"asks", SPEED_M_S, 0.0)

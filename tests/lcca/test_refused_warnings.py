@@ -69,3 +69,12 @@ def test_warnings_received_before_joining_are_of_bounded_number_and_age() -> Non
     assert len(taken) == MAX_WARNINGS - 1
     assert {round(each.age_s, 3) for each in taken} == {0.7}
     assert list(refused.take(10.2)) == []
+
+
+def test_a_copy_that_others_send_does_not_take_the_place_of_the_braking_vehicles_own() -> None:
+    refused = RefusedWarnings(lifetime_s=3.0)
+    warn = Warn(A, A, 1, A, 5, 0, 1, 5, WarnCause.DECELERATION, 6.0, 0.5, 1)
+    refused.receive_warn(warn, 10.0)
+    for age_s in (2.9, 60.0):
+        refused.receive_warn(replace(warn, sender_id=b"insider!", age_s=age_s), 10.0)
+    assert [each.sender_id for each in refused.take(10.2)] == [A]

@@ -1,6 +1,7 @@
 """Certificates that commit to vehicle IDs: the right ones are proved, no others."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from onboard.security.id_commitment import (
 )
 from onboard.security.key_files import (
     KeyFilesError,
+    check_ids,
     read_credentials,
     read_own_credentials,
     write_credentials,
@@ -152,9 +154,24 @@ def test_certificates_of_another_plate_or_community_key_are_an_error(
 ) -> None:
     write_credentials(tmp_path / "car", _credentials())
     with pytest.raises(
-        KeyFilesError, match=rf"pseudonyms/000\.cert: .* than {plate} \(`car.plate`"
+        KeyFilesError, match=rf"pseudonyms/00\d\.cert: .* than {plate} \(`car.plate`"
     ):
         read_own_credentials(_settings(tmp_path / "car", key), plate)
+
+
+def test_a_certificate_of_another_plate_among_the_own_is_an_error(tmp_path: Path) -> None:
+    others = make_pseudonyms(
+        ISSUING, 3, {BSM, LCCA}, new_key=new_key, plate=KnownPlate("XYZ9", DIGEST), **VALID
+    )
+    for number in range(3):
+        mixed = list(_credentials().pseudonyms)
+        mixed[number] = others.pseudonyms[number]
+        folder = tmp_path / f"car{number}"
+        write_credentials(folder, replace(others, pseudonyms=tuple(mixed)))
+        with pytest.raises(KeyFilesError, match=rf"00{number}\.cert: .* than ABC123"):
+            check_ids(folder, "ABC123", DIGEST)
+    write_credentials(tmp_path / "own", _credentials())
+    check_ids(tmp_path / "own", "ABC123", DIGEST)
 
 
 def test_a_missing_file_of_ids_is_an_error(tmp_path: Path) -> None:

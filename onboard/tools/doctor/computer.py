@@ -12,8 +12,9 @@ from pathlib import Path
 
 import onboard
 from onboard.recorder.build import present_build
-from onboard.security.key_files import KeyFilesError, read_own_credentials
+from onboard.security.key_files import KeyFilesError, check_ids, read_own_credentials
 from onboard.security.pkcs11_token import TokenError
+from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.vehicle.config import CarConfig
@@ -138,6 +139,8 @@ def examine_keys(security: SecuritySettings, plate: str, now_utc_s: float) -> li
 def _certificates(security: SecuritySettings, plate: str, now_utc_s: float) -> Finding:
     try:
         credentials = read_own_credentials(security, plate)
+        if credentials is not None and credentials.commit_to_ids and security.keys_folder:
+            check_ids(security.keys_folder, plate, PlateDigest(security.plate_digest))
     except (KeyFilesError, TokenError) as error:
         return Finding("keys", FindingLevel.MISSING, str(error), NEW_KEYS)
     if credentials is None:
