@@ -74,6 +74,11 @@ class SignedData:
         """Generation time in seconds since 1970."""
         return None if self.generation_time64 is None else from_time64(self.generation_time64)
 
+    @property
+    def signer_id(self) -> bytes:
+        """HashedId8 of who claims to have signed it."""
+        return self.signer if isinstance(self.signer, bytes) else self.signer[0].hashed_id8
+
 
 @dataclass(frozen=True, slots=True)
 class CarriedCertificate:

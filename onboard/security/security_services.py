@@ -8,6 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from onboard.security import ieee1609dot2, p256
+from onboard.security.clock_check import ClockCheck
 from onboard.security.credentials import Credential, Credentials
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
 from onboard.security.its_time import from_time64, to_time64
@@ -97,6 +98,8 @@ class SecurityServices:
         self._own_ids: frozenset[bytes] = frozenset()
         self._credential: Credential | None = None
         self._trust: TrustStore | None = None
+        self.clock_check = ClockCheck()
+        """Whether the own UTC is wrong."""
         self.distribution = CertificateDistribution(())
         """Of certificates that vehicles lack."""
         if credentials is not None:
@@ -273,7 +276,7 @@ class SecurityServices:
         is_repeated: bool,
     ) -> Opened:
         utc_s = now + self.utc_offset_s
-        generation = self._check_time(message, utc_s)
+        generation = self._check_time(message, utc_s, now)
         signer = self._signer(message, trust)
         self._check_signer(signer, message.psid, from_time64(generation), utc_s)
         self._check_revocation(signer, trust)
@@ -285,6 +288,7 @@ class SecurityServices:
         if signer.certificate.is_implicit:
             trust.keep(signer)
             self._check_revocation(signer, trust)
+        self.clock_check.receive_agreement(now)
         if not is_repeated:
             self._replays.add(digest, generation, to_time64(utc_s))
         self._verified_signers[signer.certificate.hashed_id8] = None
@@ -302,11 +306,13 @@ class SecurityServices:
             data,
         )
 
-    def _check_time(self, message: SignedData, utc_s: float) -> int:
+    def _check_time(self, message: SignedData, utc_s: float, now: float) -> int:
         generation = message.generation_time64
         if generation is None:
             raise NotTrusted(RejectionReason.STALE, "no generation time")
         age_s = utc_s - from_time64(generation)
+        if not -CLOCK_TOLERANCE_S <= age_s <= MESSAGE_LIFETIME_S:
+            self.clock_check.receive_error(message.signer_id, age_s, now)
         if age_s > MESSAGE_LIFETIME_S:
             raise NotTrusted(RejectionReason.STALE, f"{age_s:.3f} s old")
         self._replays.receive_time(to_time64(utc_s))
@@ -319,10 +325,9 @@ class SecurityServices:
         return generation
 
     def _signer(self, message: SignedData, trust: TrustStore) -> Trusted:
-        signer = message.signer
-        if (signer if isinstance(signer, bytes) else signer[0].hashed_id8) in self._own_ids:
+        if message.signer_id in self._own_ids:
             raise NotTrusted(RejectionReason.OWN_ECHO)
-        return trust.signer(signer)
+        return trust.signer(message.signer)
 
     def _check_revocation(self, signer: Trusted, trust: TrustStore) -> None:
         if trust.is_revoked(signer):

@@ -24,7 +24,15 @@ from onboard.messages.lcca import LccaPdu
 from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
-from onboard.observations import BrakeCause, Curvature, Discarded, HardBrake, Sensor
+from onboard.observations import (
+    BrakeCause,
+    Curvature,
+    Discarded,
+    HardBrake,
+    Sensor,
+    SensorLost,
+    SensorRecovered,
+)
 from onboard.security.credentials import Credentials
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.pseudonyms import CertificateExpired, FreshEntropy, Pseudonyms
@@ -103,6 +111,7 @@ class Stack:
         self._config = config
         self._codecs = {**_CODECS, config.lcca_psid: _Codec("lcca", lcca.decode)}
         self._security = SecurityServices(utc_s - now, credentials)
+        self._is_clock_wrong = False
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(
             config.car.plate, self._digest, credentials, rng, fresh_entropy
@@ -233,6 +242,7 @@ class Stack:
 
     def _receive_wsm(self, data: bytes, now: float) -> None:
         received = self._link.receive_wsm(data, now)
+        self._check_clock(now)
         if received is None:
             return
         service, opened = received
@@ -255,6 +265,19 @@ class Stack:
             return
         made_at_s = self._security.made_at_s(opened, now)
         self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
+
+    def _check_clock(self, now: float) -> None:
+        """Show the radio as lost while all others have another time: what they send is refused."""
+        is_wrong = self._security.clock_check.is_wrong
+        if is_wrong == self._is_clock_wrong:
+            return
+        self._is_clock_wrong = is_wrong
+        report = (
+            SensorLost(now, Sensor.RADIO, None, "clock_wrong")
+            if is_wrong
+            else SensorRecovered(now, Sensor.RADIO)
+        )
+        self._vehicle.receive_observation(report, now)
 
     def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
         try:

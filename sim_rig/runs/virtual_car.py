@@ -222,4 +222,4 @@ def _sensors(scenario: Scenario) -> frozenset[Sensor]:
     """Sensors of every equipped car."""
     given = {Sensor.POSITION: scenario.gnss, Sensor.DETECTOR: scenario.detector}
     extra = (sensor for sensor, settings in given.items() if settings is not None)
-    return frozenset({Sensor.SPEED, Sensor.CAMERA, *extra})
+    return frozenset({Sensor.SPEED, Sensor.CAMERA, Sensor.RADIO, *extra})

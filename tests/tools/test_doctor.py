@@ -18,6 +18,7 @@ from onboard.gnss.settings import GnssSettings
 from onboard.kinematics.units import KM_H
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.security.key_files import write_credentials
+from onboard.security.security_services import SecurityServices
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor import camera, can_bus, computer, gnss_receiver, radio
 from onboard.tools.doctor.cli import examine
@@ -25,7 +26,9 @@ from onboard.tools.doctor.finding import SUBJECTS, Finding, FindingLevel, best_l
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vehicle.config import CarConfig, CarSettings
 from onboard.vision.settings import CameraSettings
+from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.settings import IwcuSettings
+from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.cars.camera_server import CameraServer
 from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.ecu import Ecu
@@ -33,6 +36,7 @@ from sim_rig.cars.socketcand_server import SocketcandServer
 from sim_rig.rendering.scene import CameraRenderer, Scene
 from sim_rig.scenario.schema import load_scenario
 from tests.gnss.test_gpsd import REPORT, free_port
+from tests.security.trial import ALICE, BOB, UTC_S
 
 GOOD, DOUBTFUL, MISSING = FindingLevel.GOOD, FindingLevel.DOUBTFUL, FindingLevel.MISSING
 PATIENCE_S = 0.4
@@ -286,6 +290,27 @@ def test_a_unit_with_messages_is_good_and_a_silent_one_doubtful() -> None:
         # Only empty datagrams were sent, which the unit cannot transmit.
         unit.setblocking(False)
         assert {unit.recv(100) for _ in range(4)} == {b""}
+
+
+def signed_frames(ahead_s: float) -> list[bytes]:
+    """WSMs of two vehicles whose clocks are ahead of `UTC_S`."""
+    senders = [SecurityServices(UTC_S + ahead_s, keys) for keys in (ALICE, BOB)]
+    return [
+        wsmp.encode(WaveShortMessage(psid.BSM, sender.secure(b"bsm", psid.BSM, 0.0)))
+        for sender in senders
+    ]
+
+
+@pytest.mark.parametrize("ahead_s", [600.0, -600.0])
+def test_messages_of_several_vehicles_show_that_the_clock_is_wrong(ahead_s: float) -> None:
+    frames = [b"noise", *signed_frames(ahead_s)]
+
+    assert radio.clock_error_s(frames, UTC_S) == pytest.approx(-ahead_s, abs=0.001)
+    assert radio.clock_error_s(frames[:2], UTC_S) is None
+
+
+def test_messages_of_now_show_no_error_of_the_clock() -> None:
+    assert radio.clock_error_s(signed_frames(1.0), UTC_S) is None
 
 
 def test_a_unit_whose_host_refuses_is_missing() -> None:

@@ -77,6 +77,7 @@ export const TEXTS = {
   notWritten: { trace: "No trace", capture: "No capture", driver: "Driver not remembered" },
   reasons: {
     silent: "silent", frozen: "image frozen", dark: "image dark", end_of_recording: "recording ended",
+    clock_wrong: "this computer's clock is wrong",
   },
 
   headlines: { brake: "Brake!", stop: "Stop!", keep_distance: "Keep distance", watch_out: "Watch out" },

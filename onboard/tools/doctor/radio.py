@@ -3,8 +3,18 @@
 import asyncio
 import contextlib
 import socket
+import time
+from collections.abc import Iterable
 
+from onboard.errors import DecodeError
+from onboard.security import ieee1609dot2
+from onboard.security.clock_check import ClockCheck
+from onboard.security.ieee1609dot2 import SignedData
+from onboard.security.oer import Malformed, Unsupported
+from onboard.security.security_services import MESSAGE_LIFETIME_S
+from onboard.tools.doctor.computer import SET_CLOCK
 from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.wave_udp import wsmp
 from onboard.wave_udp.drained_socket import RadioError
 from onboard.wave_udp.endpoint import open_endpoint
 from onboard.wave_udp.settings import RadioSettings, RawSettings
@@ -32,7 +42,31 @@ async def examine_radio(radio: RadioSettings, patience_s: float) -> list[Finding
     if not received:
         silent = f"nothing received in {patience_s:g} s"
         return [Finding("radio", FindingLevel.DOUBTFUL, silent, SILENT)]
-    return [Finding("radio", FindingLevel.GOOD, f"{len(received)} messages in {patience_s:g} s")]
+    count = f"{len(received)} messages in {patience_s:g} s"
+    error_s = clock_error_s(received, time.time())
+    if error_s is not None:
+        apart = f"{count}, sent {abs(error_s):.0f} s {'ago' if error_s > 0.0 else 'from now'}"
+        return [Finding("radio", FindingLevel.DOUBTFUL, f"{apart} by their clocks", SET_CLOCK)]
+    return [Finding("radio", FindingLevel.GOOD, count)]
+
+
+def clock_error_s(frames: Iterable[bytes], utc_s: float) -> float | None:
+    """Return by how much the clock of this computer is ahead of the senders' that agree.
+
+    Args:
+        frames: WSMs that were just received; what is not signed is left out.
+        utc_s: of this computer, in s since 1970.
+    """
+    check = ClockCheck()
+    for frame in frames:
+        try:
+            message = ieee1609dot2.decode(wsmp.decode(frame).payload)
+        except (DecodeError, Malformed, Unsupported):
+            continue
+        if isinstance(message, SignedData) and message.generation_utc_s is not None:
+            check.receive_error(message.signer_id, utc_s - message.generation_utc_s, 0.0)
+    error_s = check.error_s(0.0)
+    return error_s if error_s is not None and abs(error_s) > MESSAGE_LIFETIME_S else None
 
 
 async def _refusal(radio: RadioSettings, patience_s: float) -> str:

@@ -37,12 +37,13 @@ SWAY_M_S = 1.0
 _SIGNALS: Mapping[str, Mapping[str, Any]] = {
     "yaw rate": {"yaw_rate": "TURNING.YAW_RATE"},
     "steering": {"steering_angle": "TURNING.STEERING_ANGLE"},
-    "yaw rate of wrong sign and GNSS": {
+    "wrong sign": {
         "yaw_rate": "TURNING.YAW_RATE",
         "yaw_rate_positive": "right",
     },
 }
-Source = Literal["yaw rate", "steering", "GNSS", "yaw rate of wrong sign and GNSS", "camera only"]
+Source = Literal["yaw rate", "steering", "GNSS", "wrong sign", "lines", "nothing"]
+"""`wrong sign` is a yaw rate of the wrong sign, with GNSS; lanes have lines with `lines` only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +67,7 @@ class BendSettings(Settings):
     """One campaign; a run is one row of cars with one seed."""
 
     radii_m: Several[int] = tuple(BENDS)
-    marked: Several[bool] = (False, True)
-    """Whether the lanes have lines that the camera finds."""
-    sources: Several[Source] = (
-        "yaw rate",
-        "GNSS",
-        "yaw rate of wrong sign and GNSS",
-        "camera only",
-    )
+    sources: Several[Source] = ("yaw rate", "GNSS", "wrong sign", "lines", "nothing")
     """What measures how the cars turn."""
     seeds: Several[int] = tuple(range(1, 11))
     cars: int = Field(4, ge=2, le=12)
@@ -86,7 +80,6 @@ class BendCase(Case):
     """One row."""
 
     radius_m: int
-    is_marked: bool
     source: Source
     seed: int
 
@@ -96,7 +89,6 @@ class BendRow:
     """One row of cars."""
 
     radius_m: int
-    is_marked: bool
     source: Source
     member_share: float
     """Share of the time in which the followers were members of the first car's group."""
@@ -121,7 +113,6 @@ class BendLine:
     radius_m: int
     gap_m: float
     speed_m_s: float
-    marked: bool
     source: str
     rows: int
     held: int
@@ -135,7 +126,6 @@ def axes(settings: BendSettings) -> Axes:
     """Every bend with every source and every seed."""
     return {
         "radius_m": settings.radii_m,
-        "is_marked": settings.marked,
         "source": settings.sources,
         "seed": settings.seeds,
     }
@@ -150,7 +140,6 @@ def run(settings: BendSettings, case: BendCase) -> BendRow:
     times = [_times(log, name) for name in followers]
     return BendRow(
         radius_m=case.radius_m,
-        is_marked=case.is_marked,
         source=case.source,
         member_share=sum(member_s for member_s, _ in times) / (ENDS_S - JOINED_S) / len(followers),
         leaves=sum(leaves for _, leaves in times),
@@ -192,13 +181,13 @@ def scenario_of(settings: BendSettings, case: BendCase) -> Scenario:
                         "radius_m": side * case.radius_m,
                     }
                 ],
-                "marked": case.is_marked,
+                "marked": case.source == "lines",
             }
         },
         "cars": cars,
         "expect": [],
     }
-    if "GNSS" in case.source:
+    if case.source in {"GNSS", "wrong sign"}:
         tree["gnss"] = {}
     return parse_settings(tree, Scenario, "bends")
 
@@ -243,7 +232,7 @@ def _times(log: RunLog, name: str) -> tuple[float, int]:
 
 def table(_: BendSettings, rows: Sequence[BendRow]) -> list[BendLine]:
     """A line for each bend and source."""
-    grouped = groupby(rows, key=lambda row: (row.radius_m, row.is_marked, row.source))
+    grouped = groupby(rows, key=lambda row: (row.radius_m, row.source))
     return [_line(list(of_one)) for _, of_one in grouped]
 
 
@@ -254,7 +243,6 @@ def _line(rows: Sequence[BendRow]) -> BendLine:
         radius_m=one.radius_m,
         gap_m=bend.gap_m,
         speed_m_s=bend.speed_m_s,
-        marked=one.is_marked,
         source=one.source,
         rows=len(rows),
         held=sum(row.holds for row in rows),

@@ -13,10 +13,8 @@ from sim_rig.studies.lcca.bends_study import (
 )
 
 
-def row_of(source: Source, radius_m: int, *, marked: bool = False) -> BendRow:
-    settings = BendSettings(
-        radii_m=(radius_m,), marked=(marked,), sources=(source,), seeds=(2,), cars=4
-    )
+def row_of(source: Source, radius_m: int) -> BendRow:
+    settings = BendSettings(radii_m=(radius_m,), sources=(source,), seeds=(2,), cars=4)
     return STUDY.one(settings, 0)
 
 
@@ -26,19 +24,19 @@ def test_with_a_yaw_rate_a_row_is_one_group_in_a_bend_without_lines(radius_m: in
 
 
 def test_without_lines_or_anything_that_tells_the_bend_it_is_none() -> None:
-    row = row_of("camera only", 300)
+    row = row_of("nothing", 300)
 
     assert row.leaves > 0
     assert row.warned == 0
 
 
 def test_lines_alone_tell_the_bend() -> None:
-    assert row_of("camera only", 600, marked=True).holds
+    assert row_of("lines", 300).holds
 
 
 @pytest.mark.parametrize("radius_m", [150, 1000])
 def test_the_scenario_bends_with_the_radius_to_the_side_that_the_seed_draws(radius_m: int) -> None:
-    settings = BendSettings(radii_m=(radius_m,), marked=(True,), seeds=tuple(range(1, 9)))
+    settings = BendSettings(radii_m=(radius_m,), seeds=tuple(range(1, 9)))
     bends = [
         scenario_of(settings, case).roads["road"].bends[0] for case in STUDY.cases(settings)[:8]
     ]
@@ -49,9 +47,9 @@ def test_the_scenario_bends_with_the_radius_to_the_side_that_the_seed_draws(radi
 
 
 def test_a_line_counts_the_rows_that_held() -> None:
-    row = BendRow(600, False, "yaw rate", 1.0, 0, 5, 5, 0.01)
-    left = BendRow(600, False, "yaw rate", 0.9, 1, 5, 5, 0.01)
-    unwarned = BendRow(600, False, "yaw rate", 1.0, 0, 4, 5, 0.01)
+    row = BendRow(600, "yaw rate", 1.0, 0, 5, 5, 0.01)
+    left = BendRow(600, "yaw rate", 0.9, 1, 5, 5, 0.01)
+    unwarned = BendRow(600, "yaw rate", 1.0, 0, 4, 5, 0.01)
 
     (line,) = table(BendSettings(), [row, left, unwarned])
 
