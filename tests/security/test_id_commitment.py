@@ -44,6 +44,16 @@ def _credentials(*, implicit: bool = False) -> Credentials:
     )
 
 
+def test_each_derived_id_is_reported() -> None:
+    """A day of validity takes 10 s of deriving, of which a progress bar tells."""
+    derived: list[None] = []
+    known = KnownPlate("ABC123", DIGEST, derived=lambda: derived.append(None))
+
+    made = make_pseudonyms(ISSUING, 3, {BSM, LCCA}, new_key=new_key, plate=known, **VALID)
+
+    assert len(derived) == sum(len(each.committed) for each in made.pseudonyms) > 0
+
+
 @given(IDS)
 def test_every_id_of_a_certificate_is_proved(car_ids: list[bytes]) -> None:
     leaves = [leaf(epoch, car_id) for epoch, car_id in enumerate(car_ids)]

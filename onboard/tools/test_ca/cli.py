@@ -1,6 +1,10 @@
 """`onboard keys`: certificates for tests and prototypes."""
 
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -113,15 +117,18 @@ def car(
     if folder.exists():  # before a token is filled with keys
         raise key_files.KeyFilesError(f"{folder}: cannot be made: File exists")
     new_key = p256.new_key if token is None else Pkcs11Token(token).new_key
-    made = authority.make_pseudonyms(
-        issuer,
-        count,
-        _numbers(psid),
-        new_key=new_key,
-        implicit=implicit,
-        plate=None if settings is None else _known_plate(settings, issuer),
-        **_valid(days),
-    )
+    valid = _valid(days)
+    known = None if settings is None else _known_plate(settings, issuer)
+    with _progress(known, valid) as plate:
+        made = authority.make_pseudonyms(
+            issuer,
+            count,
+            _numbers(psid),
+            new_key=new_key,
+            implicit=implicit,
+            plate=plate,
+            **valid,
+        )
     key_files.write_credentials(folder, made)
     _print_pseudonyms(folder, made)
     last_utc_s = min(
@@ -237,6 +244,21 @@ def _known_plate(settings: CarConfig, issuer: Authority) -> authority.KnownPlate
         )
     digest = PlateDigest(settings.security.plate_digest)
     return authority.KnownPlate(settings.car.plate, digest, settings.lcca_psid)
+
+
+@contextmanager
+def _progress(
+    plate: authority.KnownPlate | None, valid: authority.Validity
+) -> Iterator[authority.KnownPlate | None]:
+    """Yield the same plate, with a progress bar of its IDs if stderr is a terminal."""
+    if plate is None:
+        yield None
+        return
+    hidden = not sys.stderr.isatty()
+    with typer.progressbar(
+        length=len(plate.epochs(valid)), label="vehicle IDs", file=sys.stderr, hidden=hidden
+    ) as bar:
+        yield replace(plate, derived=lambda: bar.update(1))
 
 
 def _numbers(given: list[str] | None) -> list[int]:
