@@ -27,3 +27,4 @@ rm -f "$folder"/SHA256SUMS*
 (cd "$folder" && find -- * -type f | LC_ALL=C sort | xargs sha256sum) >"$folder.sums"
 mv "$folder.sums" "$folder/SHA256SUMS"
 [ -z "${KEYS:-}" ] || .venv/bin/python -m onboard keys sign "$folder/SHA256SUMS" --root "$KEYS"
+(cd "$folder" && sha256sum SHA256SUMS)  # where trust begins: docs/in-the-car.md

@@ -88,7 +88,8 @@ add_user() {
     done
 }
 
-# The release that is installed decides whether a new one may be; the first one itself.
+# The release that is installed decides whether a new one may be; the first one itself. Its units are
+# put with it.
 add_release() {
     releases=$home/onboard-releases
     [ -x "$releases" ] || releases=$here/releases.py
@@ -128,8 +129,6 @@ add_configuration() {
 }
 
 add_system_files() {
-    put "$files/onboard-proven.service" "$units/onboard-proven.service"
-    put "$files/onboard.service" "$units/onboard.service"
     put "$files/onboard-gpsd.conf" "$units/gpsd.service.d/onboard.conf"
     put "$files/onboard-journald.conf" "$journal"
     put "$files/70-onboard.rules" "$rules"

@@ -10,18 +10,21 @@
 It needs Debian's Python only, since it must work when a release does not.
 
     /opt/onboard/releases/NAME       a whole environment; its file `complete` is written last
+    /opt/onboard/releases/NAME/units   its units, which systemd has while it is in use
     /opt/onboard/current             a link to the one in use, replaced by one rename
     /opt/onboard/good                a link to the last one that ran for a minute
     /opt/onboard/starts              name and number of starts of one that is not proven
     /opt/onboard/failed              name of the one that was left for the good one
 
 A power cut at any moment leaves `current` at a complete release: files are on the disk before
-`complete` is, and that before the link.
+`complete` is, and that before the link. Units that are not those of `current` are replaced at the
+next start.
 """
 
 import argparse
 import contextlib
 import fcntl
+import filecmp
 import hashlib
 import json
 import os
@@ -35,7 +38,7 @@ from pathlib import Path
 
 SUMS, SIGNATURE, ABOUT = "SHA256SUMS", "SHA256SUMS.sig", "release.json"
 """Files of a folder to install: hashes of all others, their signature, and what it is."""
-COMPLETE = "complete"
+COMPLETE, UNITS = "complete", "units"
 MOST_DEATHS = 3
 """Starts of a release that is not proven, after which the good one is taken."""
 MISTAKE = 2
@@ -115,6 +118,8 @@ class Releases:
         """Look below `root`, which is / but in tests."""
         self._home = root / "opt" / "onboard"
         self._etc = root / "etc" / "onboard"
+        self._systemd = root / "etc" / "systemd" / "system"
+        self._is_here = root == Path("/")
         self._all = self._home / "releases"
 
     def names(self) -> list[str]:
@@ -148,8 +153,9 @@ class Releases:
             OSError: it cannot be written.
         """
         folder = self._all / bundle.name
-        if self._sums(folder) != bundle.sums:
-            self._check_signature(bundle)
+        current = self.named("current")
+        if current is not None and self._sums(folder) != bundle.sums:
+            self._check_signature(bundle, self._all / current)
         self._remove_incomplete()
         if not (folder / COMPLETE).exists():
             try:
@@ -164,22 +170,27 @@ class Releases:
         """Hashes of a release that is installed already."""
         return (folder / SUMS).read_bytes() if (folder / COMPLETE).exists() else None
 
-    def _check_signature(self, bundle: Bundle) -> None:
-        """Have the release in use verify the next one, by the roots of the car's keys."""
-        current, keys = self.named("current"), self._etc / "keys"
-        if current is None or not keys.is_dir():
-            why = "nothing is installed yet" if current is None else f"there are no keys in {keys}"
-            print(f"signature not verified: {why}")
+    def _check_signature(self, bundle: Bundle, verifier: Path) -> None:
+        """Have a release verify a folder, by the roots of the car's keys."""
+        keys = self._etc / "keys"
+        if not keys.is_dir():
+            print(f"signature not verified: there are no keys in {keys}")
             return
         sums, signature = bundle.folder / SUMS, bundle.folder / SIGNATURE
         if not signature.exists():
             raise RefusedError(
                 f"{bundle.folder}: is not signed: make it by 'KEYS=keys/root make box'"
             )
-        onboard = self._all / current / "venv" / "bin" / "onboard"
+        onboard = verifier / "venv" / "bin" / "onboard"
         done = _run(onboard, "keys", "verify", sums, "--signature", signature, "--trusted", keys)
         if done.returncode != 0:
             raise RefusedError(f"{bundle.folder}: {_last_line(done)}")
+
+    def _check_first(self, bundle: Bundle, folder: Path) -> None:
+        """Say how trust begins: the first release is verified by nothing but itself."""
+        self._check_signature(bundle, folder)
+        digest = hashlib.sha256(bundle.sums).hexdigest()
+        print(f"first release: the line that 'make box' printed must be {digest}  {SUMS}")
 
     def _build(self, bundle: Bundle, folder: Path) -> None:
         venv, wheels = folder / "venv", bundle.folder / "wheels"
@@ -196,6 +207,11 @@ class Releases:
         _must(venv / "bin" / "onboard", "--version")
         for file in (SUMS, "in-the-car.md"):
             shutil.copy(bundle.folder / file, folder)
+        (folder / UNITS).mkdir()
+        for unit in (bundle.folder / "files").glob("*.service"):
+            shutil.copy(unit, folder / UNITS)
+        if self.named("current") is None:
+            self._check_first(bundle, folder)
         os.sync()
         _write(folder / COMPLETE, bundle.name)
 
@@ -216,17 +232,40 @@ class Releases:
                 shutil.rmtree(folder)
 
     def switch(self, name: str) -> None:
-        """Take a release at the next start.
+        """Take a release with its units at the next start.
 
         Raises:
             RefusedError: there is no such release.
             OSError: it cannot be written, and nothing is changed.
         """
+        before = self.named("current")
         if name not in self.names():
             raise RefusedError(f"no release {name}; there are {', '.join(self.names()) or 'none'}")
         (self._home / "starts").unlink(missing_ok=True)
         (self._home / "failed").unlink(missing_ok=True)
-        self._link("current", name)
+        self._put_units(name)
+        try:
+            self._link("current", name)
+        except OSError:
+            if before is not None:
+                self._put_units(before)
+            raise
+
+    def _put_units(self, name: str) -> None:
+        units = sorted((self._all / name / UNITS).glob("*"))  # none in a release of before
+        there = {unit: self._systemd / unit.name for unit in units}
+        other = [unit for unit in units if not _is_same(unit, there[unit])]
+        for unit in other:
+            _copy(unit, there[unit])
+        if other and self._is_here:
+            _run("systemctl", "daemon-reload")
+
+    def _take_back_units(self, name: str) -> None:
+        """Put them at a start, which a root that is read-only must not end."""
+        try:
+            self._put_units(name)
+        except OSError as error:
+            print(f"units of another release than {name}: {error.filename}: {error.strerror}")
 
     def remove(self, name: str) -> None:
         """Remove a release that is not needed.
@@ -256,6 +295,9 @@ class Releases:
             self._fall_back(f"it has ended {starts} times")
         elif self._is_unproven():
             self._write_starts(starts + 1)
+        current = self.named("current")
+        if current is not None:
+            self._take_back_units(current)
 
     def ended(self, result: str, exit_code: int | None) -> None:
         """Take the good release if the new one did not get ready in time.
@@ -287,6 +329,7 @@ class Releases:
         assert good is not None  # noqa: S101 (asked before)
         print(f"release {failed} is left for {good}: {why}")
         self._link("current", good)
+        self._take_back_units(good)
         (self._home / "starts").unlink(missing_ok=True)
         _write(self._home / "failed", failed or "")
 
@@ -342,8 +385,23 @@ def _write(path: Path, text: str) -> None:
     _sync(path.parent)
 
 
-def _sync(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
+def _copy(source: Path, target: Path) -> None:
+    """Replace a file by one rename, safe from a power cut."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    new = target.with_name(f"{target.name}.new")
+    shutil.copyfile(source, new)
+    new.chmod(0o644)
+    _sync(new)
+    new.replace(target)
+    _sync(target.parent)
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return other.exists() and filecmp.cmp(one, other, shallow=False)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

@@ -20,7 +20,7 @@ import yaml
 
 from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive, slowness
 from deploy.vm.machine import HANG_TIMEOUT_S, Machine, MachineError, new_disk
-from deploy.vm.namespaces import Namespaces
+from deploy.vm.namespaces import Namespaces, new_folder
 from deploy.vm.report import record, table
 from deploy.vm.share import BUILD, ROOT, SHARE, make_box, make_image
 from onboard.security.key_files import write_credentials
@@ -168,7 +168,9 @@ class VmTest:
     def run_in_namespaces(self) -> bool:
         """Run the steps that need no kernel of their own; returns whether all limits were kept."""
         self._make_share("socketcand", {"can": {"interface": "socketcand", "channel": "can0"}})
-        machine = Namespaces(BUILD, BUILD / "namespaces", SHARE)
+        folder = BUILD / "namespaces"
+        new_folder(folder)
+        machine = Namespaces(BUILD, folder, SHARE)
         try:
             with self._timed("install.sh twice"):
                 enabled = machine.run(ENABLED, check=False).output
@@ -182,6 +184,11 @@ class VmTest:
             drive = VmDrive(machine)
             self._drive(drive)
             self._do(drive.stop)
+            machine.cut_power()
+            machine = Namespaces(BUILD, folder, SHARE, is_root_read_only=True)
+            self._do(VmDrive(machine).use_read_only_root)
+            machine.cut_power()
+            machine = Namespaces(BUILD, folder, SHARE)
             self._uninstall(machine)
             if (left := machine.run(ENABLED, check=False).output) != enabled:
                 self._failures.append(f"uninstall left units as {left}, before: {enabled}")

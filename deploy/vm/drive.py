@@ -130,7 +130,7 @@ class VmDrive:
         Raises:
             NotSeenError: it contains too few frames or messages.
         """
-        answer = self._run(f"onboard export {drive}-*.mcap --candump /root/bus --pcap /root/air")
+        answer = self._run(f"onboard export {drive}-*.mcap --candump /tmp/bus --pcap /tmp/air")
         frames, wsms = (int(line.split(": ")[1].split()[0]) for line in answer.output.splitlines())
         if frames < 10 or wsms < 10:
             raise NotSeenError(f"the recording is almost empty: {answer.output}")
@@ -237,6 +237,20 @@ class VmDrive:
             "power cut: member of the group", None, member_s - ready_s, 10.0, "after ready"
         )
         yield self.open_recording("power cut: recording opened", drive)
+
+    def use_read_only_root(self) -> Iterator[StatusRow]:
+        """The box, whose root is read-only now, is installed again, started and warned."""
+        if self._run("touch /etc/written", check=False).code == 0:
+            raise NotSeenError("the root can be written")
+        self._run("sh /share/box/install.sh --vcan; systemctl stop onboard")
+        began_s = self._run("systemctl start onboard").began_s
+        ready_s = self._time_of(began_s, "ready")
+        yield StatusRow("read-only root: ready", None, ready_s - began_s, RESTART_S)
+        self._time_of(ready_s, "transition", state="member")
+        yield StatusRow("read-only root: warned", None, self._warned_after(), 1.0)
+        self._run("systemctl stop onboard")
+        drive = self.newest_recording()
+        yield self.open_recording("read-only root: recording opened", drive)
 
     def stop(self) -> Iterator[StatusRow]:
         """`systemctl stop`."""

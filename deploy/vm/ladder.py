@@ -18,7 +18,7 @@ from typing import Any
 
 import yaml
 
-from deploy.vm.namespaces import Namespaces
+from deploy.vm.namespaces import Namespaces, new_folder
 from deploy.vm.share import BUILD, SHARE, make_box, make_image
 from onboard.settings import parse_settings
 from sim_rig.boxes.settings import BoxSettings
@@ -65,6 +65,7 @@ def main() -> int:
     make_image()
     make_box()
     shutil.rmtree(OUT, ignore_errors=True)
+    new_folder(OUT / "namespaces")
     machine = Namespaces(BUILD, OUT / "namespaces", SHARE)
     try:
         box = OUT / f"{car}.yaml"

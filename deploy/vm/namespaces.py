@@ -15,8 +15,20 @@ BOOT = """
 set -e
 mount --make-rprivate /
 mount -o loop,ro,noload "$1/disk.raw" "$2/lower"
-mount -t overlay overlay -o "lowerdir=$2/lower,upperdir=$2/upper,workdir=$2/work" "$2/root"
+if [ "$4" = read-only ]; then
+    mount -t overlay overlay -o "lowerdir=$2/upper:$2/lower" "$2/root"  # without an upper one
+else
+    mount -t overlay overlay -o "lowerdir=$2/lower,upperdir=$2/upper,workdir=$2/work" "$2/root"
+fi
 cd "$2/root"
+if [ "$4" = read-only ]; then
+    for place in opt/onboard etc/onboard var/lib/onboard; do
+        mkdir -p "$2/partition/$place"
+        cp -aT "$2/upper/$place" "$2/partition/$place"
+        mount --bind "$2/partition/$place" "$place"
+    done
+    for place in tmp var/tmp; do mount -t tmpfs tmpfs "$place"; done
+fi
 mount -t proc proc proc
 mount --bind -o ro proc/sys proc/sys
 mount -t sysfs -o ro sysfs sys
@@ -28,7 +40,7 @@ for device in null zero full random urandom; do
 done
 mkdir dev/shm
 ln -s /proc/self/fd dev/fd
-mkdir -p share var/lib/onboard/drive old
+mkdir -p share var/lib/onboard/drive old  # all there already where the root is read-only
 mount --bind -o ro "$3" share
 mount -t tmpfs -o size=48m tmpfs var/lib/onboard/drive
 ip link set lo up
@@ -40,27 +52,36 @@ PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 NAMESPACE_OPTIONS = ("--pid", "--mount", "--uts", "--ipc", "--net", "--cgroup")
 
 
+def new_folder(folder: Path) -> None:
+    """Empty the folder of a box, whose first boot will be of the disk image as it is."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for name in ("lower", "upper", "work", "root"):
+        (folder / name).mkdir(parents=True)
+
+
 class Namespaces:
     """Like `Machine`, in namespaces of this machine."""
 
-    def __init__(self, image: Path, folder: Path, share: Path) -> None:
+    def __init__(
+        self, image: Path, folder: Path, share: Path, *, is_root_read_only: bool = False
+    ) -> None:
         """Boot.
 
         Args:
             image: folder of the disk image.
-            folder: of all writes; it is emptied first.
+            folder: of all writes, of `new_folder` or an earlier boot.
             share: folder of this machine that the box sees as /share.
+            is_root_read_only: of an installed box, whose program, configuration and data are then
+                on a partition that can be written.
 
         Raises:
             MachineError: systemd does not start.
         """
-        shutil.rmtree(folder, ignore_errors=True)
-        for name in ("lower", "upper", "work", "root"):
-            (folder / name).mkdir(parents=True)
         self._unshare = subprocess.Popen(
             [
                 *("unshare", "--fork", "--kill-child", *NAMESPACE_OPTIONS),
                 *("sh", "-c", BOOT, "boot", image, folder, share),
+                "read-only" if is_root_read_only else "writable",
             ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -74,12 +95,14 @@ class Namespaces:
             if self.init and self._is_up():
                 return
             if time.monotonic() > give_up_at:
+                self._unshare.kill()
                 raise MachineError("systemd does not start in namespaces; is this root?")
             time.sleep(0.1)
 
     def _is_up(self) -> bool:
-        state = self.run("systemctl is-system-running", check=False).output.strip()
-        return state in {"running", "degraded"}
+        # Not `is-system-running`, which waits for a release to be proven.
+        state = self.run("systemctl is-active multi-user.target", check=False).output.strip()
+        return state == "active"
 
     def run(self, command: str, timeout_s: float | None = None, *, check: bool = True) -> Finished:
         """Run a command in bash as root.
@@ -114,3 +137,5 @@ class Namespaces:
         """End every process in the namespaces."""
         self._unshare.kill()
         self._unshare.wait()
+        while Path("/proc", self.init).exists():  # until its mounts are gone
+            time.sleep(0.05)

@@ -1,6 +1,7 @@
 """Releases side by side: what is installed, what is refused, and which one is taken at a start."""
 
 import fcntl
+import hashlib
 import shutil
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.releases import COMPLETE, MISTAKE, Bundle, RefusedError, Releases
+from deploy.releases import COMPLETE, MISTAKE, UNITS, Bundle, RefusedError, Releases
 from onboard.security.key_files import write_authority
 from onboard.tools.test_ca.authority import make_root
 from onboard.wave_udp import psid
@@ -24,6 +25,8 @@ def releases(tmp_path: Path) -> Releases:
         folder = tmp_path / "opt" / "onboard" / "releases" / name
         folder.mkdir(parents=True)
         (folder / COMPLETE).touch()
+        (folder / UNITS).mkdir()
+        (folder / UNITS / "onboard.service").write_text(f"of {name}\n")
     found = Releases(tmp_path)
     found.switch(OLD)
     found.proven()
@@ -48,6 +51,42 @@ def test_a_release_that_dies_three_times_is_left_for_the_good_one(releases: Rele
         releases.ended("exit-code", 1)
     releases.started()
     assert (releases.named("current"), releases.failed) == (OLD, NEW)
+
+
+def unit(root: Path) -> str:
+    return (root / "etc/systemd/system/onboard.service").read_text()
+
+
+def test_units_are_those_of_the_release_in_use(releases: Releases, tmp_path: Path) -> None:
+    assert unit(tmp_path) == f"of {OLD}\n"
+    releases.switch(NEW)
+    assert unit(tmp_path) == f"of {NEW}\n"
+    releases.ended("timeout", None)
+    assert unit(tmp_path) == f"of {OLD}\n", "rolled back with it"
+
+
+def test_units_that_a_power_cut_left_behind_are_replaced_at_the_next_start(
+    releases: Releases, tmp_path: Path
+) -> None:
+    (tmp_path / "etc/systemd/system/onboard.service").write_text(f"of {NEW}\n")
+    releases.started()
+    assert unit(tmp_path) == f"of {OLD}\n"
+
+
+def test_units_that_cannot_be_written_keep_the_release_in_use(
+    releases: Releases, tmp_path: Path
+) -> None:
+    """As on a root that is read-only; a roll-back does without them."""
+    there = tmp_path / "etc/systemd/system/onboard.service"
+    (there.parent / "onboard.service.new").mkdir()
+    with pytest.raises(OSError, match=r"onboard\.service"):
+        releases.switch(NEW)
+    assert releases.named("current") == OLD
+    (there.parent / "onboard.service.new").rmdir()
+    releases.switch(NEW)
+    (there.parent / "onboard.service.new").mkdir()
+    releases.ended("timeout", None)
+    assert releases.named("current") == OLD
 
 
 def test_power_cuts_count_as_deaths_since_nothing_else_can_be_known(releases: Releases) -> None:
@@ -217,14 +256,36 @@ def test_a_release_that_cannot_read_the_configuration_is_not_taken(tmp_path: Pat
     assert boot(root) == f"{OLD} drives"
 
 
-@pytest.mark.long
-def test_an_update_is_signed_by_a_root_that_the_car_trusts(tmp_path: Path) -> None:
+def make_roots(folder: Path) -> None:
     for name in ("trial", "other"):
         made = make_root(name, psid.OF_VEHICLES, valid_from_utc_s=1_700_000_000.0, valid_for_s=1e8)
-        write_authority(tmp_path / name, made)
+        write_authority(folder / name, made)
+
+
+@pytest.mark.long
+def test_the_first_release_names_the_hash_with_which_trust_begins(tmp_path: Path) -> None:
+    """And if the keys are there already, their root must have signed it."""
+    make_roots(tmp_path)
+    root = tmp_path / "root"
+    bundle = make_bundle(tmp_path / "box", OLD, key=tmp_path / "other")
+    shutil.copytree(tmp_path / "trial" / "roots", root / "etc/onboard/keys/roots")
+    done = install(bundle, root)
+    assert (done.returncode, boot(root)) == (2, "not installed")
+    assert "not signed by a root of" in done.stdout
+
+    seal(bundle, tmp_path / "trial")
+    done = install(bundle, root)
+    digest = hashlib.sha256((bundle / "SHA256SUMS").read_bytes()).hexdigest()
+    assert f"first release: the line that 'make box' printed must be {digest}" in done.stdout
+    assert boot(root) == f"{OLD} drives"
+
+
+@pytest.mark.long
+def test_an_update_is_signed_by_a_root_that_the_car_trusts(tmp_path: Path) -> None:
+    make_roots(tmp_path)
     root = tmp_path / "root"
     assert (
-        "not verified: nothing is installed yet"
+        "not verified: there are no keys"
         in install(make_bundle(tmp_path / "old", OLD), root).stdout
     )
     shutil.copytree(tmp_path / "trial" / "roots", root / "etc/onboard/keys/roots")
