@@ -1,6 +1,7 @@
 """The faults that the test injects into the box, and the expected results, in the guest's time."""
 
 import json
+import re
 import timeit
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -131,7 +132,8 @@ class VmDrive:
             NotSeenError: it contains too few frames or messages.
         """
         answer = self._run(f"onboard export {drive}-*.mcap --candump /tmp/bus --pcap /tmp/air")
-        frames, wsms = (int(line.split(": ")[1].split()[0]) for line in answer.output.splitlines())
+        found = {unit: int(n) for n, unit in re.findall(r": (\d+) (frames|WSMs)", answer.output)}
+        frames, wsms = found.get("frames", 0), found.get("WSMs", 0)
         if frames < 10 or wsms < 10:
             raise NotSeenError(f"the recording is almost empty: {answer.output}")
         return StatusRow(what, None, None, None, f"{frames} CAN frames and {wsms} WSMs in it")

@@ -3,11 +3,16 @@
 Its outputs are within 1e-4 of OpenCV's for the shipped networks, in 0.4 to 0.8 of the time.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+# Else ONNX Runtime writes an identifier of the computer as it is imported, and sends it.
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
 import onnxruntime
 from onnxruntime.capi import onnxruntime_pybind11_state as failures
 
