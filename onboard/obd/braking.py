@@ -10,7 +10,7 @@
     AIRBAG                          one is deployed, also without a speed
 
 Half the threshold is what coasting does not reach. The most severe cause is shown. The state begins
-with the first cause, changes with the cause or a clearly higher level, and ends with the last
+with the first cause, changes with the cause or clearly with the level, and ends with the last
 cause. A broadcast cause is shown for `RELEASE_S` after it ends, so that lamps may blink.
 """
 
@@ -35,7 +35,7 @@ RELEASE_S = 0.6
 blink 60 to 120 times a minute (UN R48)."""
 
 LEVEL_STEP_M_S2 = 1.0
-"""Least rise of the level that is put out."""
+"""Least change of the level that is put out."""
 
 LEAST_M_S2 = 0.1
 """Least deceleration that is put out: an airbag may be deployed at a constant speed."""
@@ -190,5 +190,6 @@ class Braking(Core):
         if _SEVERITY.index(brake.cause) > _SEVERITY.index(shown.cause):
             return True
         rise_m_s2 = brake.deceleration_m_s2 - shown.deceleration_m_s2
-        is_other = brake.cause is not shown.cause or rise_m_s2 >= LEVEL_STEP_M_S2
+        is_easing = self._detector.level_m_s2 is not None and -rise_m_s2 >= LEVEL_STEP_M_S2
+        is_other = brake.cause is not shown.cause or rise_m_s2 >= LEVEL_STEP_M_S2 or is_easing
         return is_other and now >= self._shown_at + CHANGE_INTERVAL_S

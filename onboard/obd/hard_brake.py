@@ -12,7 +12,7 @@ longer than fine ones, no line fits a step or a stale value, and stamps may be i
 
 After the alarm, one line is followed: the shortest since then that spans `END_SPAN_S` and tells
 half the threshold from nothing. Braking is over when its slope is below half the threshold; the
-level rises when its slope is certainly higher.
+level rises when its slope is certainly higher, and falls when it is lower for a while.
 """
 
 import math
@@ -54,6 +54,8 @@ MAX_LATENESS_S = 0.1
 END_SPAN_S = 0.5
 """Least span of the samples after the alarm by which braking can be found to be over: a pumped
 pedal is released for less."""
+EASED_S = 0.5
+"""Time for which the slope must be below the level: while a braking ends, it is for less."""
 
 
 class _Line(NamedTuple):
@@ -78,10 +80,12 @@ class HardBrakeDetector:
         self._raised_at = math.inf
         """Time of the alarm of a braking that is not over."""
         self._level_m_s2: float | None = None
+        self._eases_from_s = math.inf
+        """Since when the deceleration is certainly below that level."""
 
     @property
     def level_m_s2(self) -> float | None:
-        """Highest certain deceleration of the present hard braking; `None` while there is none."""
+        """Certain deceleration of the present hard braking; `None` while there is none."""
         return self._level_m_s2
 
     @property
@@ -130,6 +134,7 @@ class HardBrakeDetector:
             if line.deceleration_m_s2 - confidence * error_m_s2 > self._threshold_m_s2:
                 if speed.speed_m_s >= MIN_SPEED_M_S:
                     self._level_m_s2, self._raised_at = line.deceleration_m_s2, speed.stamp_s
+                    self._eases_from_s = math.inf
                 return
 
     def _follow(self, level_m_s2: float) -> None:
@@ -141,8 +146,16 @@ class HardBrakeDetector:
             # Older samples are of the braking that is over, and would raise it again.
             while self._samples[0].stamp_s < line.start_s:
                 self._samples.popleft()
-        elif line.deceleration_m_s2 - CONFIDENCE * self._error_m_s2(line, level_m_s2) > level_m_s2:
-            self._level_m_s2 = line.deceleration_m_s2
+            return
+        rise_m_s2 = line.deceleration_m_s2 - level_m_s2
+        if abs(rise_m_s2) <= CONFIDENCE * self._error_m_s2(line, level_m_s2):
+            self._eases_from_s = math.inf
+            return
+        newest_s = self._samples[-1].stamp_s
+        if rise_m_s2 < 0.0:
+            self._eases_from_s = min(self._eases_from_s, newest_s)
+        if rise_m_s2 > 0.0 or newest_s - self._eases_from_s >= EASED_S:
+            self._level_m_s2, self._eases_from_s = line.deceleration_m_s2, math.inf
 
     def _error_m_s2(self, line: _Line, limit_m_s2: float) -> float:
         """Standard error of the line's slope, compared with a limit."""

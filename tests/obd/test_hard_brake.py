@@ -142,6 +142,30 @@ def test_hard_eased_hard_again_is_a_second_braking(hz: int) -> None:
     assert (first.deceleration_m_s2, first.cause) == (0.0, BrakeCause.DECELERATION)
 
 
+def test_braking_that_eases_and_goes_on_has_a_lower_level() -> None:
+    """From 7 to 2.5 m/s^2, above half the threshold: it was 7 until its end."""
+
+    def eases(t: float) -> float:
+        return 140 * KM_H - 7.0 * max(0.0, t - 2.0) + 4.5 * max(0.0, t - 4.0)
+
+    begin, *levels = changes(samples(every(0.05, 8.0), eases))
+
+    assert begin.deceleration_m_s2 > 5.0
+    assert not levels[-1].is_over
+    assert levels[-1].deceleration_m_s2 == pytest.approx(2.5, abs=0.7)
+    assert levels[-1].stamp_s < 6.0
+
+
+def test_the_end_of_a_braking_tells_no_lower_level_before_it() -> None:
+    def ends(t: float) -> float:
+        return 140 * KM_H - 7.0 * min(max(0.0, t - 2.0), 2.0)
+
+    *_, before, end = changes(samples(every(0.05, 8.0), ends))
+
+    assert end.is_over
+    assert before.deceleration_m_s2 > 5.0
+
+
 def test_harder_braking_raises_the_level_once_it_is_certain() -> None:
     def harder(t: float) -> float:
         return 140 * KM_H - 5.0 * max(0.0, t - 2.0) - 4.0 * max(0.0, t - 3.5)
