@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
-from onboard.lcca.epoch_ids import OWN_NEXT_S
+from onboard.lcca.epoch_ids import ADJACENT_S, OWN_NEXT_S
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.lcca.identification import MIN_ASKED
 from onboard.messages.lcca import MAX_NAMES
@@ -87,7 +87,7 @@ class CandidateIds:
         self._texts = self.texts_to_derive(lead)
         self._has_news.set()
         if lead.text is not None:
-            for at_utc_s in (utc_s, utc_s + STEP_WITHIN_S):
+            for at_utc_s in _times_in_step(utc_s):
                 self._digest.car_id(lead.text, at_utc_s)
         ready = tuple(each for each in candidates if self._is_ready(each.text, utc_s))
         return replace(lead, candidates=ready)
@@ -101,10 +101,8 @@ class CandidateIds:
         return tuple(each.text for each in islice(likely, MAX_NAMES))
 
     def _is_ready(self, text: str, utc_s: float) -> bool:
-        """Whether a step that follows finds the ID, also if the epoch changes before it."""
-        return all(
-            self._digest.is_derived(text, at_utc_s) for at_utc_s in (utc_s, utc_s + STEP_WITHIN_S)
-        )
+        """Whether a step that follows finds the IDs, also if the epoch changes before it."""
+        return all(self._digest.is_derived(text, at_utc_s) for at_utc_s in _times_in_step(utc_s))
 
     def _run(self) -> None:
         lower_thread_priority(NICENESS)
@@ -123,7 +121,8 @@ def next_derivation(
 ) -> tuple[str, float] | None:
     """Return the text to derive next, with a UTC time in its epoch; `None` if all are derived.
 
-    All IDs of the present epoch come before those of the next one.
+    A text's ID of the present epoch is followed by that of the epoch before, while that is in use;
+    those of the next epoch come last.
 
     Args:
         digest: knows what is derived.
@@ -133,8 +132,11 @@ def next_derivation(
     Raises:
         ValueError: a text has no letter and no digit.
     """
-    for at_utc_s in (utc_s, utc_s + EPOCH_AHEAD_S):
-        for text in texts:
-            if not digest.is_derived(text, at_utc_s):
-                return text, at_utc_s
-    return None
+    present = [(text, at_s) for text in texts for at_s in (utc_s, utc_s - ADJACENT_S)]
+    ahead = [(text, utc_s + EPOCH_AHEAD_S) for text in texts]
+    return next((each for each in present + ahead if not digest.is_derived(*each)), None)
+
+
+def _times_in_step(utc_s: float) -> tuple[float, ...]:
+    """Times whose IDs a step within `STEP_WITHIN_S` needs, as `EpochIds.of` does."""
+    return utc_s, utc_s + STEP_WITHIN_S, utc_s - ADJACENT_S

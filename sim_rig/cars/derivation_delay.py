@@ -18,16 +18,18 @@ class DerivationDelay:
         self._waiting: list[str] = []
         self._began_at = 0.0
 
-    def derived(self, lead: Lead, now: float) -> Lead:
+    def derived(self, lead: Lead, now: float, ids_of_each: int = 1) -> Lead:
         """Return `lead` with only those candidates whose IDs are derived; plan the others.
 
         Args:
             lead: as the camera reports it.
             now: seconds on any clock, not before the last call.
+            ids_of_each: IDs of one text, of this and other epochs, that a step needs.
         """
-        while self._waiting and self._began_at + DERIVING_S <= now:
+        takes_s = ids_of_each * DERIVING_S
+        while self._waiting and self._began_at + takes_s <= now:
             self._derived.add(self._waiting.pop(0))
-            self._began_at += DERIVING_S
+            self._began_at += takes_s
         if lead.text is not None:
             self._derived.add(lead.text)  # its caller waits for that one
         if not self._waiting:

@@ -11,6 +11,7 @@ from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.detector.object_list import ObjectListReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
+from onboard.lcca.epoch_ids import ADJACENT_S
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Lead, Sensor
@@ -142,7 +143,10 @@ class VirtualCar:
         self._camera.handle_timer(now)
         seen: list[Observation] = list(iter(self._camera.next_event, None))
         observations = [
-            self._derivation.derived(each, now) if isinstance(each, Lead) else each for each in seen
+            self._derivation.derived(each, now, self._ids_of_a_text(now))
+            if isinstance(each, Lead)
+            else each
+            for each in seen
         ]
         for device, reader in self._devices:
             if data := device.bytes_to_send(now):
@@ -166,6 +170,12 @@ class VirtualCar:
                 self._controller.receive_bytes(datagram.encode(event), now)
         self.trace += map(as_trace_record, outputs.events)
         return outputs.wsms
+
+    def _ids_of_a_text(self, now: float) -> int:
+        """2 while the IDs of the epoch before are in use."""
+        utc_s = self._start_utc_s + now + self._faults.clock_error_s(now)
+        epochs = (self._stack.digest.epoch(each_s) for each_s in (utc_s, utc_s - ADJACENT_S))
+        return len(set(epochs))
 
     def _start_if_due(self, now: float) -> None:
         """Start the daemon anew if the power is back."""

@@ -31,3 +31,11 @@ def test_a_certain_text_is_there_at_once_and_an_unlikely_one_never() -> None:
     unlikely = lead("AB2", probability=1e-5)
     delay.derived(unlikely, 0.0)
     assert texts_of(delay.derived(unlikely, 1.0)) == []
+
+
+def test_at_the_start_of_an_epoch_each_text_takes_twice_as_long() -> None:
+    delay = DerivationDelay()
+    seen = lead("AB1", "AB2")
+    delay.derived(seen, 5.0, ids_of_each=2)
+    assert texts_of(delay.derived(seen, 5.0 + 1.5 * DERIVING_S, ids_of_each=2)) == []
+    assert texts_of(delay.derived(seen, 5.0 + 2.5 * DERIVING_S, ids_of_each=2)) == ["AB1"]
