@@ -79,14 +79,15 @@ def _note(
 
 
 def _note_shown() -> None:
-    show = OutputSinks.show
+    show_step = OutputSinks.show_step
 
-    def noting(sinks: OutputSinks, event: Any) -> None:
-        show(sinks, event)
-        if event.kind == "warning":
-            _rows.append(_passed | {"shown": time.monotonic()})
+    def noting(sinks: OutputSinks, events: Any, now: float) -> None:
+        show_step(sinks, events, now)
+        _rows.extend(
+            _passed | {"shown": time.monotonic()} for event in events if event.kind == "warning"
+        )
 
-    OutputSinks.show = noting  # type: ignore[method-assign, assignment]
+    OutputSinks.show_step = noting  # type: ignore[method-assign, assignment]
 
 
 class _NoCamera:

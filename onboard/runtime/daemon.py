@@ -7,7 +7,7 @@ import secrets
 import sys
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, TypeVar
@@ -31,7 +31,7 @@ from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
 from onboard.security.pseudonyms import ENTROPY_BYTES
-from onboard.step import BrakeButton, Input, ReceivedWsm
+from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.wave_link import bsm_sender
@@ -97,6 +97,8 @@ class Daemon:
         )
         self._turns = ReceiveTurns(self._wsms, time.monotonic)
         self._inbox: deque[Item] = deque()
+        self._handled: list[bytes] = []
+        """Received frames of the present step."""
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._is_stopped = False
@@ -147,13 +149,11 @@ class Daemon:
         outputs = self._stack.step(self._inputs(now), now, time.time(), self._wires.send_wsm)
         self._wires.send_to_vehicle(outputs)
         self._wires.tell_camera(self._stack.curvature(now))
-        for wsm in outputs.wsms:
-            self._sinks.show_frame(wsm.data, OWN_MAC)
         for event in outputs.events:
             if isinstance(event, Identified | IdentityLost):
                 self._candidate_ids.receive_identity(event)
-            self._sinks.show(event)
-        self._sinks.show_view(now)
+        self._sinks.show_step(outputs.events, now)
+        self._capture_frames(outputs.wsms)
         self._arm(min(outputs.timer_at, self._turns.get_timer()))
         if self._wsms.has_known and self._next_step is None:
             self._next_step = self._loop.call_soon(self._poll_wires_first)
@@ -172,7 +172,15 @@ class Daemon:
             yield Discarded(now, "wsmp", "overload", f"{dropped} frames")
         for wsm in self._turns.take(now):
             yield ReceivedWsm(now, wsm)
-            self._sinks.show_frame(wsm, OTHER_MAC)
+            self._handled.append(wsm)
+
+    def _capture_frames(self, sent: Sequence[SentWsm]) -> None:
+        """Write the frames of a step to the capture, after all that they led to."""
+        for handled in self._handled:
+            self._sinks.show_frame(handled, OTHER_MAC)
+        self._handled.clear()
+        for wsm in sent:
+            self._sinks.show_frame(wsm.data, OWN_MAC)
 
     def _take(self, item: Item) -> None:
         """Have `item` received in the next step."""

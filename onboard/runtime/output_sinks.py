@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -102,11 +102,24 @@ class OutputSinks:
             self._page.receive_event(event)
 
     def show(self, event: Event) -> None:
-        """Write an event of the stack or daemon to all sinks."""
+        """Show and write an event that no step has put out."""
         if self._page is not None:
             self._page.receive_event(event)
         elif isinstance(event, FileFailure | RecorderState):
             self._before_page.append(event)
+        self._write(event)
+
+    def show_step(self, events: Sequence[Event], now: float) -> None:
+        """Show the driver what a step has put out, and a view if one is due; then write it."""
+        if self._page is not None:
+            for event in events:
+                self._page.receive_event(event)
+            self._page.show(now)
+        for event in events:
+            self._write(event)
+
+    def _write(self, event: Event) -> None:
+        """Write an event to trace and journal."""
         if self._trace is not None:
             record = as_trace_record(event) | {"traced_s": time.monotonic()}
             self._trace.write(as_json(record).encode() + b"\n")
@@ -119,8 +132,3 @@ class OutputSinks:
         """Write a WSM that was sent or received to the capture."""
         if self._capture is not None:
             self._capture.write(wsm, time.time(), sender_mac)
-
-    def show_view(self, now: float) -> None:
-        """Send the driver's page a view if one is due; to be called in every step."""
-        if self._page is not None:
-            self._page.show(now)

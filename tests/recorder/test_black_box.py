@@ -145,6 +145,22 @@ def test_a_picture_of_the_camera_is_recorded_as_jpeg(
     assert (image.record["format"], image.record["data"]) == ("jpeg", "/9j/2Q==")
 
 
+def test_records_are_written_in_slices_between_which_the_loop_has_its_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(black_box, "SLICE_PAUSE_S", 60.0)
+    box = BlackBox(RecorderSettings(folder=tmp_path), lambda _state: None)
+    box.begin(HEADER)
+    for number in range(20):
+        box.record(frame(number))
+    box.start()
+
+    wait_until(lambda: box._queue.qsize() == 20 - black_box.SLICE_RECORDS)
+    box.close()
+
+    assert numbers(tmp_path) == list(range(20))
+
+
 def test_a_full_queue_drops_records_and_reports_their_number(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
