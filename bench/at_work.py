@@ -24,6 +24,7 @@ import psutil
 import yaml
 
 from bench import Figure
+from bench._processor import used
 from bench._scene import SPEED_M_S, LoopCamera, free_port, port_of
 from bench.daemon import READ_AND_DECODE
 from onboard.observations import Position, Speed, VehicleDetection
@@ -48,12 +49,14 @@ FIXES_HZ = 10.0
 
 
 def measure() -> Iterator[Figure]:
-    """Yield processor cores and memory under load, and the durations of start, reload and stop."""
+    """Yield processor cores by function and memory, and durations of start, reload and stop."""
     with tempfile.TemporaryDirectory() as name:
-        own, reader = asyncio.run(_work(Path(name)))
+        (cores, size), (reader_cores, reader_size) = asyncio.run(_work(Path(name)))
         reference = "a process that only decodes the images"
-        yield Figure("at_work.cpu", own[0], "cores", 1, reference, reader[0])
-        yield Figure("at_work.memory", own[1] / 2**20, "MiB", 1, reference, reader[1] / 2**20)
+        reader = sum(reader_cores.values())
+        for function, share in {"cpu": sum(cores.values()), **cores}.items():
+            yield Figure(f"at_work.{function}", share, "cores", 1, reference, reader)
+        yield Figure("at_work.memory", size / 2**20, "MiB", 1, reference, reader_size / 2**20)
         durations = [_start_reload_stop_s(Path(name)) for _ in range(STARTS)]
         python_only = [_python_s() for _ in range(STARTS)]
         reference = "Python that imports NumPy and OpenCV and ends"
@@ -70,8 +73,8 @@ def measure() -> Iterator[Figure]:
             yield Figure(f"at_work.{what}", *figure)
 
 
-async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Processor cores and bytes of the daemon, and of the reference."""
+async def _work(folder: Path) -> tuple[tuple[dict[str, float], int], ...]:
+    """Processor cores by function and bytes, of the daemon and of the reference."""
     trial = make_trial(
         ["own", *(f"car{number}" for number in range(REMOTE_VEHICLES))],
         {psid.BSM, psid.LCCA},
@@ -104,21 +107,17 @@ async def _work(folder: Path) -> tuple[tuple[float, float], tuple[float, float]]
             traffic = asyncio.create_task(_traffic(list(trial.values()), unit, port))
             running = [psutil.Process(processes.pid(name)) for name in ("car", "reader")]
             await processes.sleep_until(time.monotonic() + SETTLE_S)
-            before = [process.cpu_times() for process in running]
+            before = [used(process) for process in running]
             await processes.sleep_until(time.monotonic() + MEASURE_S)
-            used = [
-                (
-                    (then.user + then.system - at.user - at.system) / MEASURE_S,
-                    process.memory_info().rss,
-                )
-                for process, at in zip(running, before, strict=True)
-                for then in (process.cpu_times(),)
-            ]
+            after = [used(process) for process in running]
             traffic.cancel()
     await ecu.close()
     camera.close()
     gpsd.close()
-    return used[0], used[1]
+    return tuple(
+        (now.cores_since(then, MEASURE_S), now.resident_bytes)
+        for now, then in zip(after, before, strict=True)
+    )
 
 
 async def _traffic(credentials: list[Credentials], unit: socket.socket, port: int) -> None:

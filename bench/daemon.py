@@ -14,6 +14,7 @@ from statistics import median
 import psutil
 
 from bench import Figure
+from bench._processor import used
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -33,9 +34,9 @@ for frame in open_frames(load_settings(Path(sys.argv[1]), CarConfig).camera):
 
 def measure() -> Iterator[Figure]:
     """Yield the share of one core and the resident memory, medians of the four daemons."""
-    used = asyncio.run(_run(load_scenario("fig4")))
-    reader_share, reader_bytes = used.pop(READER)
-    shares, sizes = zip(*used.values(), strict=True)
+    figures = asyncio.run(_run(load_scenario("fig4")))
+    reader_share, reader_bytes = figures.pop(READER)
+    shares, sizes = zip(*figures.values(), strict=True)
     reference = "a process that only decodes the images"
     yield Figure("daemon.cpu", median(shares), "cores", len(shares), reference, reader_share)
     yield Figure(
@@ -44,7 +45,7 @@ def measure() -> Iterator[Figure]:
 
 
 async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
-    """Processor cores and resident bytes, of each daemon and of the reference."""
+    """Processor cores and resident bytes, of each daemon with its camera, and of the reference."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         async with LiveTestbench(scenario, scenario.seed, folder) as testbench:
@@ -56,23 +57,19 @@ async def _run(scenario: Scenario) -> dict[str, tuple[float, int]]:
             await _until(SETTLED_S, testbench, running)
             names = [*scenario.equipped, READER]
             processes = {name: psutil.Process(testbench.processes.pid(name)) for name in names}
-            began_at, before = time.monotonic(), _cpu_s(processes)
+            began_at = time.monotonic()
+            before = {name: used(process) for name, process in processes.items()}
             await _until(scenario.duration_s, testbench, running)
             took_s = time.monotonic() - began_at
-            used = {
-                name: ((cpu_s - before[name]) / took_s, processes[name].memory_info().rss)
-                for name, cpu_s in _cpu_s(processes).items()
-            }
+            after = {name: used(process) for name, process in processes.items()}
             await running
-    return used
+    return {
+        name: ((now.all_cpu_s - before[name].all_cpu_s) / took_s, now.resident_bytes)
+        for name, now in after.items()
+    }
 
 
 async def _until(at_s: float, testbench: LiveTestbench, running: asyncio.Task[None]) -> None:
     """Wait for a time of the scenario, or until the run fails."""
     while time.monotonic() < testbench.start_s + at_s and not running.done():
         await asyncio.sleep(0.05)
-
-
-def _cpu_s(processes: dict[str, psutil.Process]) -> dict[str, float]:
-    times = {name: process.cpu_times() for name, process in processes.items()}
-    return {name: spent.user + spent.system for name, spent in times.items()}
