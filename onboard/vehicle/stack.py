@@ -192,12 +192,11 @@ class Stack:
         self._change_pseudonym_if_due(now)
         for each in inputs:
             self._receive(each, now)
+        wsms: list[SentWsm] = []
         if self.get_timer() <= now:
+            self._send(self._urgent_wsms_to_send(now), send, wsms)  # assessing takes long
             self._vehicle.handle_timer(now)
-        wsms = []
-        for wsm in self._wsms_to_send(now):
-            send(wsm)
-            wsms.append(wsm)
+        self._send(self._wsms_to_send(now), send, wsms)
         can_frames = self._bus.frames_to_send(now)
         events = list(iter(self._vehicle.next_event, None))
         return StepOutputs(wsms, can_frames, events, self.get_timer())
@@ -300,6 +299,20 @@ class Stack:
         return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
 
     # ---- out ------------------------------------------------------------------------------
+
+    def _send(
+        self, wsms: Iterator[SentWsm], send: Callable[[SentWsm], None], sent: list[SentWsm]
+    ) -> None:
+        """Send each WSM before the next is composed."""
+        for wsm in wsms:
+            send(wsm)
+            sent.append(wsm)
+
+    def _urgent_wsms_to_send(self, now: float) -> Iterator[SentWsm]:
+        """Yield what the group answers to the inputs of a step."""
+        for message in self._vehicle.group_messages_to_send(now):
+            self._submit(message, now)
+        yield from starmap(partial(SentWsm, now), self._link.urgent_wsms_to_send(now))
 
     def _wsms_to_send(self, now: float) -> Iterator[SentWsm]:
         """Yield what the radio is given, a warning before the BSM after it is composed."""

@@ -367,12 +367,16 @@ class Vehicle(Core):
 
     # ---- out ------------------------------------------------------------------------------
 
+    def group_messages_to_send(self, now: float) -> Iterator[SentMessage]:
+        """Yield the messages of the warning group that are due."""
+        yield from self._lcca.messages_to_send(now)
+
     def messages_to_send(self, now: float) -> Iterator[SentMessage]:
         """Yield the messages that are due, those of LCCA first, in the order of sending.
 
         A BSM is composed when it is drawn: fusing what goes with it takes time.
         """
-        yield from self._lcca.messages_to_send(now)
+        yield from self.group_messages_to_send(now)
         if self._config.beacons and self._sharing.transmitter.take_due(now):
             yield self._sharing.bsm(now)
             if (shared := self._sharing.sdsm(now)) is not None:

@@ -1,5 +1,6 @@
 """Whole vehicles on a lossless channel: from observations to the other vehicle's warning."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,10 @@ from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.tools.decode.describe import describe
 from onboard.trace.trace_line import Event, as_record
+from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
+from onboard.vehicle.surroundings import ASSESSMENT_INTERVAL_S, Surroundings
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.vehicle.platoon import Platoon, car
@@ -72,6 +75,28 @@ def test_a_warning_leaves_before_the_bsm_that_reports_the_same_braking_is_compos
     assert order == ["sent", "bsm"]
     assert given == outputs.wsms
     assert wsmp.decode(given[0].data).psid == psid.LCCA
+
+
+def test_a_warning_leaves_before_the_surroundings_are_assessed_in_the_same_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a hundred vehicles that takes milliseconds."""
+    platoon = Platoon({plate: car(plate) for plate in ("AAA1", "BBB2")})
+    platoon.drive(3.0)
+    order: list[str] = []
+    assess = Surroundings.assess
+
+    def assessing(*arguments: Any) -> Sequence[PerceivedObject]:
+        order.append("assessed")
+        return assess(*arguments)
+
+    monkeypatch.setattr(Surroundings, "assess", assessing)
+    due_at = platoon.now + 2.0 * ASSESSMENT_INTERVAL_S
+
+    brake = HardBrake(due_at, 6.0, source="obd")
+    platoon.cars["AAA1"].step([brake], due_at, send=lambda _wsm: order.append("sent"))
+
+    assert order[:2] == ["sent", "assessed"]
 
 
 def test_no_plate_is_ever_on_the_air() -> None:
