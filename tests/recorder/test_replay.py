@@ -156,7 +156,7 @@ def test_a_change_of_communication_ids_is_replayed(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["stopped-ecu", "frozen-camera"])
+@pytest.mark.parametrize("name", ["stopped-ecu", "frozen-camera", "clock-set-wrong"])
 def test_the_replay_of_a_drive_with_faults_equals_the_recording(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name).model_copy(update={"duration_s": 16.0})
     run_virtual(scenario, recordings_folder=tmp_path)
