@@ -75,7 +75,7 @@ class HostSensors(SensorTimeouts):
         """Whether it turns as the vehicle does; reported once for each time that it does not."""
         if not self._turn_check.is_contradicted(turn):
             self._contradicted.discard(turn.kind)
-            return True
+            return self._turn_check.is_used(turn)
         if turn.kind not in self._contradicted:
             self._contradicted.add(turn.kind)
             self._events.append(

@@ -1,8 +1,9 @@
 """Finds a yaw rate sensor or a steering angle that turns otherwise than the vehicle does.
 
 A sensor that is frozen, has the wrong sign or another scale is found by the angle through which the
-vehicle turns in `WINDOW_S`: by the sensor, and by the GNSS courses. Without courses, two sensors
-are compared with each other, and neither is used while they differ.
+vehicle turns in `WINDOW_S`: by the sensor, and by the GNSS courses. Where there are courses, a
+sensor is used once it has agreed with them in a bend. Without courses, two sensors are compared
+with each other, and neither is used while they differ.
 """
 
 import math
@@ -35,6 +36,9 @@ class TurnCheck:
         self._turned = {kind: _Turned() for kind in ("yaw_rate", "steering", "course")}
         self._differing = dict.fromkeys(("yaw_rate", "steering"), 0)
         """Consecutive windows in which a sensor differs."""
+        self._proven: set[str] = set()
+        """Sensors that have agreed with the courses in a bend."""
+        self._has_courses = False
         self._compared_at = -math.inf
         self._tolerance_rad = DIFFERENCE_RAD
 
@@ -59,6 +63,11 @@ class TurnCheck:
         """Whether this sensor has turned otherwise than the vehicle lately."""
         return self._differing[observation.kind] >= WINDOWS
 
+    def is_used(self, observation: YawRate | Steering) -> bool:
+        """Whether this sensor tells how the vehicle turns, as far as is known."""
+        is_proven = not self._has_courses or observation.kind in self._proven
+        return is_proven and not self.is_contradicted(observation)
+
     def _receive_position(self, fix: Position) -> None:
         course = self._turned["course"]
         if fix.course_rad is None or fix.speed_m_s is None or fix.speed_m_s < STANDSTILL_M_S:
@@ -72,8 +81,10 @@ class TurnCheck:
         self._compared_at = stamp_s
         span = self._turned["course"].span()
         if span is not None and stamp_s - span[1] <= WINDOW_S:
+            self._has_courses = True
             pairs = [("yaw_rate", "course"), ("steering", "course")]
         else:
+            self._has_courses = False
             pairs = [("yaw_rate", "steering"), ("steering", "yaw_rate")]
             span, self._tolerance_rad = (stamp_s - WINDOW_S, stamp_s), DIFFERENCE_RAD
         for sensor, other in pairs:
@@ -84,7 +95,10 @@ class TurnCheck:
             allowed_rad = max(self._tolerance_rad, DIFFERENCE_SHARE * largest_rad)
             if abs(one - reference) > allowed_rad:
                 self._differing[sensor] += 1
-            elif largest_rad > self._tolerance_rad or self._differing[sensor] < WINDOWS:
+            elif largest_rad > self._tolerance_rad:
+                self._differing[sensor] = 0
+                self._proven |= {sensor} if self._has_courses else set()
+            elif self._differing[sensor] < WINDOWS:
                 self._differing[sensor] = 0  # on a straight road a frozen sensor agrees, too
 
 
