@@ -341,6 +341,25 @@ def test_authenticated_sources_of_time_are_counted() -> None:
     assert computer.nts_sources(authdata) == "1 of 3 sources authenticated (NTS)"
 
 
+@pytest.mark.parametrize(
+    ("properties", "text"),
+    [
+        (
+            "Nice=-5\nCPUAffinity=\nLoadState=loaded\n",
+            ", niceness -5, its camera 10, on processors: all",
+        ),
+        (
+            "Nice=12\nCPUAffinity=1-3\nLoadState=loaded\n",
+            ", niceness 12, its camera 12, on processors: 1-3",
+        ),
+        ("Nice=0\nCPUAffinity=\nLoadState=not-found\n", ""),
+        ("", ""),
+    ],
+)
+def test_the_priority_that_the_unit_gives_is_shown(properties: str, text: str) -> None:
+    assert computer.service_priority(properties) == text
+
+
 def test_a_clock_earlier_than_the_installation_is_wrong() -> None:
     assert computer.examine_clock(0.0).level is MISSING
     assert computer.examine_clock(time.time()).level is not MISSING

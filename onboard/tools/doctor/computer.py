@@ -6,7 +6,7 @@ import errno
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
 from onboard.tools.doctor.finding import Finding, FindingLevel
 from onboard.vehicle.config import CarConfig
+from onboard.vision.camera_worker import NICENESS
 
 DAY_S = 86_400.0
 LEAST_FREE_BYTES, SCARCE_BYTES = 256 << 20, 2 << 30
@@ -33,7 +34,9 @@ UNSIGNED = "`onboard keys`, and name the folder in `security.keys_folder`; see i
 AGREE_ON_A_KEY = "agree on a `security.plate_digest.community_key` for your trial"
 
 CHRONYC = ("chronyc", "-c", "-n", "authdata")
-CHRONYC_S = 2.0
+SYSTEMCTL = ("systemctl", "show", "onboard.service", "--property=LoadState,Nice,CPUAffinity")
+ANSWER_S = 2.0
+"""Longest wait for the answer of another program."""
 _AUTHDATA = 10
 """Fields of a source in the answer."""
 _STA_UNSYNC = 0x40
@@ -43,8 +46,25 @@ _TIMEX_BYTES, _STATUS_AT = 208, 40
 
 
 def examine_program() -> Finding:
-    """Return which build this is."""
-    return Finding("program", FindingLevel.GOOD, f"onboard {present_build().name}")
+    """Return which build this is, and with which priority its service runs."""
+    detail = f"onboard {present_build().name}{service_priority(_answer(SYSTEMCTL))}"
+    return Finding("program", FindingLevel.GOOD, detail)
+
+
+def service_priority(properties: str) -> str:
+    """Return with which priority and where the service and its camera's process run.
+
+    Args:
+        properties: of `systemctl show`, a line `NAME=value` each; without a service, nothing is
+            returned.
+    """
+    values = dict(line.split("=", 1) for line in properties.splitlines() if "=" in line)
+    if values.get("LoadState") != "loaded":
+        return ""
+    niceness, processors = int(values["Nice"]), values["CPUAffinity"] or "all"
+    return (
+        f", niceness {niceness}, its camera {max(niceness, NICENESS)}, on processors: {processors}"
+    )
 
 
 def examine_clock(now_utc_s: float) -> Finding:
@@ -61,13 +81,18 @@ def examine_clock(now_utc_s: float) -> Finding:
 
 def _authentication() -> str:
     """Return what chrony, if it runs and answers this user, says of its sources' authentication."""
+    authdata = _answer(CHRONYC)
+    return f", {nts_sources(authdata)}" if authdata else ""
+
+
+def _answer(command: Sequence[str]) -> str:
+    """Return what a program answers; nothing if there is no such program, or it fails."""
     try:
-        answer = subprocess.run(  # noqa: S603 (a constant)
-            CHRONYC, capture_output=True, text=True, timeout=CHRONYC_S, check=True
-        )
+        return subprocess.run(  # noqa: S603 (a constant)
+            command, capture_output=True, text=True, timeout=ANSWER_S, check=True
+        ).stdout
     except (OSError, subprocess.SubprocessError):
         return ""
-    return f", {nts_sources(answer.stdout)}"
 
 
 def nts_sources(authdata: str) -> str:

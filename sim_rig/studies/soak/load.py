@@ -344,7 +344,14 @@ def free_port() -> int:
 
 
 def processor_s(pid: int) -> float:
-    """Processor time of a process, from the fields of proc(5) behind the name."""
+    """Processor time of a daemon and of its camera's process (proc(5))."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    children = " ".join((task / "children").read_text("ascii") for task in tasks).split()
+    return sum(_own_processor_s(each) for each in (pid, *map(int, children)))
+
+
+def _own_processor_s(pid: int) -> float:
+    """Processor time of one process, from the fields of proc(5) behind the name."""
     fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
