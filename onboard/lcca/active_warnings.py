@@ -56,6 +56,11 @@ class ActiveWarnings:
         self._ended: OrderedDict[tuple[CarId, int], int] = OrderedDict()
         """Sequence number of the end, by vehicle and first sequence number."""
 
+    @property
+    def warnings(self) -> Iterator[Warn]:
+        """The last one of each vehicle."""
+        return (each.warn for each in self._brakings.values())
+
     def is_outdated(self, warn: Warn) -> bool:
         """Whether it was sent before an end of the same braking that was received."""
         end = self._ended.get((warn.event_origin_id, warn.first_sequence))

@@ -38,6 +38,15 @@ class Followers:
         self._until.move_to_end(car_id)
         return was_empty
 
+    def joined_since(self, at_s: float) -> set[CarId]:
+        """Return those that have sent a join since then."""
+        recent: set[CarId] = set()
+        for car_id, until in reversed(self._until.items()):
+            if until < at_s + self._lifetime_s:
+                break
+            recent.add(car_id)
+        return recent
+
     def remove(self, car_id: CarId) -> bool:
         """Remove a follower that has left. Return whether it was the last one."""
         return self._until.pop(car_id, None) is not None and not self._until

@@ -47,6 +47,10 @@ vehicle sends the next one after `warn_refresh_s`; a copy may wait for the radio
 _EARLY_S = 0.5
 """An acknowledgement comes so long before the acknowledged message at most."""
 
+_SILENT_S = 0.65
+"""A follower without a join for so long, or since the IDs have changed, has another ID by now, or
+its joins are lost: it is sent no repetition. After `refresh_s` it sends one every `retry_s`."""
+
 _REACH_REFRESHES = 3.0
 """A vehicle is within reach for this many refresh intervals after a message from it."""
 
@@ -161,6 +165,7 @@ class Forwarding:
         self._reach = reach
         self._rng = rng
         self._messages: dict[_Statement, _Message] = {}
+        self._changed_at = -math.inf
         self._early_acknowledgements: deque[tuple[EventId, CarId, float]] = deque(
             maxlen=_MAX_EARLY_ACKNOWLEDGEMENTS
         )
@@ -231,8 +236,9 @@ class Forwarding:
                 if entry.check_at == math.inf:
                     entry.check_at = now + self._parameters.slot_s + self._spread_s()
 
-    def drop_own(self) -> None:
-        """Drop the own warnings: their name is that of the last epoch."""
+    def change_epoch(self, now: float) -> None:
+        """Drop the own warnings, whose name is that of the last epoch; so are the followers'."""
+        self._changed_at = now
         self._messages = {key: each for key, each in self._messages.items() if each.distance != 0}
 
     def drop_others(self) -> None:
@@ -318,6 +324,9 @@ class Forwarding:
             entry.check_at = math.inf
             return False
         entry.check_at = now + self._parameters.acknowledge_s + self._spread_s()
+        joined_at = max(now - _SILENT_S, self._changed_at)
+        if entry.unacknowledged.isdisjoint(self._followers.joined_since(joined_at)):
+            return False
         entry.repeats_left -= 1
         return True
 

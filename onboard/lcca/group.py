@@ -158,15 +158,18 @@ class WarningGroup(Core):
     def set_own_id(self, car_id: CarId, now: float) -> None:
         """Take the own ID of a new epoch; all vehicles change theirs at about this time.
 
+        The predecessor takes this one for another follower, and hears at once what was received.
+
         Sequence numbers begin anew, and a braking that lasts has a new name, so that they do not
         link the IDs.
         """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
         self._event_sequence = int(self._rng.integers(_SEQUENCES))
-        self._forwarding.drop_own()
+        self._forwarding.change_epoch(now)
         self._own_braking.rename(car_id, now)
         self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
         self._membership.change_sequence()
+        self._to_acknowledge.extend(map(event_of, self._active_warnings.warnings))
         self._membership.join_soon(now)
 
     def _rename(self, names: Renamed) -> None:

@@ -11,7 +11,7 @@ from onboard.lcca.group_position import GroupPosition
 from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import NO_ID, Join, Warn, WarnCause
 from tests.lcca.road import Air, Road, Transmission, car_id
-from tests.lcca.rows import row, warned
+from tests.lcca.rows import fewest_transmissions, row, warned
 
 A, B = (car_id(name) for name in "AB")
 
@@ -162,6 +162,28 @@ def test_repetitions_to_a_follower_without_acknowledgement_are_bounded() -> None
     ages = [entry.warn.age_s for entry in road.warns() if entry.at >= released_at]
     assert ages == pytest.approx([each - released_at for each in at])
     assert {entry.warn.hops for entry in road.warns()} == {1}
+
+
+def test_a_follower_that_has_changed_its_id_is_sent_few_repetitions_under_the_former_one() -> None:
+    """Nobody tells which new ID is whose: the former one falls silent, and expires later."""
+    road = row("ABC", Air(reach_m=45.0))
+    road.change_ids(spread_s=0.5)
+    road.run(1.5)
+    before = len(road.warns())
+    road.brake("A")
+    road.run(0.9)
+    assert warned(road) == "BC"
+    assert len(road.warns()) - before == fewest_transmissions(road, "A", "C")
+
+
+def test_a_follower_tells_under_its_new_id_what_it_has_received() -> None:
+    road = row("AB")
+    road.brake("A")
+    road.run(0.2)
+    before = len(road.warns())
+    road.change_ids()
+    road.run(0.5)
+    assert {entry.warn.event_origin_id for entry in road.warns()[before:]} == {car_id("A", 1)}
 
 
 @pytest.mark.parametrize("others", ["", "X"])
