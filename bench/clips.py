@@ -26,11 +26,11 @@ from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import ImageBox, Lead, LeadIdentity
 from onboard.tools.see.annotated_frame import AnnotatedFrame, annotate_frames
-from onboard.tools.see.score import overlap
 from onboard.vision.networks import load_perception
 from onboard.vision.perception import Perception
 from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import VisionSettings
+from onboard.vision.vehicle_finder import overlap
 
 LABELS = Path(__file__).with_name("clip_labels.csv")
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"

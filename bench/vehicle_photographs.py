@@ -24,10 +24,10 @@ from bench.vehicles import FALSE_IOU, FOUND_IOU, LEAST_WIDTH_PX
 from onboard.errors import UserError
 from onboard.observations import ImageBox
 from onboard.settings import load_settings
-from onboard.tools.see.score import overlap
 from onboard.vision.box_model import BoxModel
 from onboard.vision.settings import BoxModelSettings, VisionSettings
-from onboard.vision.vehicle_network import LEAST_SCORE, VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder, overlap
+from onboard.vision.vehicle_network import LEAST_SCORE
 
 SIZES_PX = {"12 to 20 px": 20.0, "20 to 32 px": 32.0, "32 to 64 px": 64.0, "64 px and more": np.inf}
 LOWEST_SCORE = 0.05

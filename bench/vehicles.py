@@ -24,9 +24,8 @@ from bench import Figure
 from bench._tables import write_tables
 from bench.clips import labels
 from onboard.observations import ImageBox
-from onboard.tools.see.score import overlap
 from onboard.vision.plate_detector import PlateDetector
-from onboard.vision.vehicle_network import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder, overlap
 from sim_rig.rendering.street.street import SeenVehicle, StreetLight, random_street
 
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"

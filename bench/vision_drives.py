@@ -26,7 +26,7 @@ from onboard.vision.plate_reader import PlateReader
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.vision.sized_camera import Networks
 from onboard.vision.syntax import PlateSyntax
-from onboard.vision.vehicle_network import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder
 from sim_rig.rendering.plate_art import FORMATS
 from sim_rig.rendering.plate_texts import text_of
 from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar

@@ -10,7 +10,7 @@ from onboard.vision.plates import PlateFinder
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.sized_camera import Networks
 from onboard.vision.syntax import PlateSyntax
-from onboard.vision.vehicle_network import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder
 
 
 def load_perception(

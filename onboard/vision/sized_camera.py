@@ -23,7 +23,7 @@ from onboard.vision.settings import Calibration, VisionSettings, guessed_calibra
 from onboard.vision.syntax import PlateSyntax
 from onboard.vision.tags import TagDetector
 from onboard.vision.vehicle_detector import VehicleBoxDetector, VehicleDetector
-from onboard.vision.vehicle_network import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder
 
 CALIBRATED_SLOPE, GUESSED_SLOPE = 0.04, 0.15
 """Error of heights above the road, as a share of the distance: by pitching and the slope of the

@@ -15,7 +15,8 @@ from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.vehicle_network import WIDTH_PX, VehicleBox, VehicleFinder, VehicleKind
+from onboard.vision.vehicle_finder import VehicleFinder
+from onboard.vision.vehicle_network import WIDTH_PX, VehicleBox, VehicleKind
 
 WIDTH_M = 1.8
 """Width of a common car."""
@@ -41,9 +42,14 @@ larger side."""
 SIDE_SHARE, SIDE_WIDTHS, SIDE_WIDTH_SIGMA = 0.45, 1.8, 0.4
 """Share of its box that a rear or front takes at least. Where it takes less, the box shows the
 side, and its width in those of a rear, with its relative sigma."""
+LONG_SHAPE, BOX_WIDTH_SIGMA = 1.6, 0.15
+"""Width over height from which a box shows the side where no rear is known, and the relative sigma
+of the width of others, which may show some of it."""
 CUT_WIDTH_SIGMA, NEAR_WIDTH_SIGMA = 1.0, 0.35
 """Relative sigma of the width of a vehicle that the image's border cuts at a side, and of one so
 near that it stands below the image: rendered ones are found 40 % too narrow to 30 % too wide."""
+NEAR_SHARE = 0.4
+"""Share of the image's width from which a rear is so near: it may be a part of a larger one."""
 REAR_SHAPE = 0.85
 """Height over width of the lower part of a rear, where plates are, for vehicles of any height."""
 _BORDER_PX = 2.0
@@ -68,21 +74,24 @@ class VehicleDetector:
     def _detection(self, vehicle: VehicleBox, size: tuple[int, int]) -> Detection:
         box = vehicle.box
         right, bottom = box.x_px + box.w_px, box.y_px + box.h_px
-        ends = min(vehicle.end_px), max(vehicle.end_px)
+        ends = _ends(vehicle)
         width_m, width_sigma = WIDTHS_M[vehicle.kind]
         is_cut = box.x_px < _BORDER_PX or right > size[0] - _BORDER_PX
         if is_cut:
             ends, width_sigma = (box.x_px, right), CUT_WIDTH_SIGMA
-        elif ends[1] - ends[0] < SIDE_SHARE * box.w_px:
+        elif ends is None:
             ends, width_sigma = (box.x_px, right), SIDE_WIDTH_SIGMA
             width_m *= SIDE_WIDTHS
+        elif vehicle.end_px is None:
+            width_sigma = max(width_sigma, BOX_WIDTH_SIGMA)
         top = max(box.y_px, bottom - REAR_SHAPE * (ends[1] - ends[0]))
         corners = _corners(ends[0], top, ends[1], bottom)
         largest_px = max(ends[1] - ends[0], box.h_px)
         edge_px = math.hypot(EDGE_SIGMA_OF_IMAGE * size[0], EDGE_SIGMA * largest_px)
         by_width_m = self._perspective.locate_upright(corners, width_m).ahead_m
         _, foot_px = self._perspective.project(RoadPosition(by_width_m, 0.0, 0.0))
-        stands = max(bottom, foot_px) <= size[1] - _BORDER_PX
+        is_near = ends[1] - ends[0] > NEAR_SHARE * size[0]
+        stands = not is_near and max(bottom, foot_px) <= size[1] - _BORDER_PX
         if not stands:
             width_sigma = max(width_sigma, NEAR_WIDTH_SIGMA)
         width = width_m, width_sigma
@@ -120,6 +129,16 @@ class VehicleBoxDetector:
     def _detection(self, box: ImageBox) -> Detection:
         corners = _corners(box.x_px, box.y_px, box.x_px + box.w_px, box.y_px + box.h_px)
         return _located(self._perspective, corners, (WIDTH_M, WIDTH_SIGMA), EDGE_SIGMA_PX)
+
+
+def _ends(vehicle: VehicleBox) -> tuple[float, float] | None:
+    """Left and right side of the rear or front; `None` if the box shows the side."""
+    box = vehicle.box
+    if vehicle.end_px is None:
+        is_long = box.w_px > LONG_SHAPE * box.h_px
+        return None if is_long else (box.x_px, box.x_px + box.w_px)
+    ends = min(vehicle.end_px), max(vehicle.end_px)
+    return ends if ends[1] - ends[0] >= SIDE_SHARE * box.w_px else None
 
 
 def _corners(left: float, top: float, right: float, bottom: float) -> npt.NDArray[np.float32]:

@@ -49,14 +49,14 @@ class VehicleBox:
     """A vehicle in an image."""
 
     box: ImageBox
-    end_px: tuple[float, float]
-    """Left and right side of its rear or front."""
+    end_px: tuple[float, float] | None
+    """Left and right side of its rear or front; `None` if they are not known."""
     kind: VehicleKind
     score: float
     """Score that it is a vehicle, 0 to 1."""
 
 
-class VehicleFinder:
+class StreetNetwork:
     """The network, loaded once; not to be shared between threads."""
 
     def __init__(self, model: Path = DEFAULT_MODEL, *, least_score: float = LEAST_SCORE) -> None:
@@ -154,7 +154,7 @@ def _scaled(vehicle: VehicleBox, factor: float, size: npt.NDArray[np.int_]) -> V
     top, bottom = (
         factor * min(max(y, 0.0), height / factor) for y in (box.y_px, box.y_px + box.h_px)
     )
-    end = factor * vehicle.end_px[0], factor * vehicle.end_px[1]
+    end = vehicle.end_px and (factor * vehicle.end_px[0], factor * vehicle.end_px[1])
     return VehicleBox(
         ImageBox(left, top, right - left, bottom - top), end, vehicle.kind, vehicle.score
     )

@@ -31,7 +31,7 @@ EDGES = frozenset({
     "trace/trace_file.py",
     "vision/camera_process.py", "vision/camera_worker.py", "vision/live_frames.py",
     "vision/outputs.py", "vision/plate_detector.py",
-    "vision/network.py", "vision/vehicle_network.py",
+    "vision/nanodet.py", "vision/network.py", "vision/vehicle_network.py",
     "vision/plate_reader.py", "vision/recorded_camera.py", "vision/recordings.py",
     "wave_udp/drained_socket.py", "wave_udp/endpoint.py", "wave_udp/iwcu.py", "wave_udp/raw.py",
     "wave_udp/rsu41.py",

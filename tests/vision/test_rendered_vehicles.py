@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from onboard.observations import ImageBox, VehicleDetection
-from onboard.tools.see.score import overlap
 from onboard.vision.perception import Perception
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.sized_camera import Networks
-from onboard.vision.vehicle_network import VehicleFinder, VehicleKind
+from onboard.vision.vehicle_finder import VehicleFinder, overlap
+from onboard.vision.vehicle_network import VehicleKind
 from sim_rig.rendering.street.canvas import FINE, Canvas, Daylight, RoadCamera
 from sim_rig.rendering.street.ground import RoadLayout, draw_ground
 from sim_rig.rendering.street.roadside import gantry

@@ -11,7 +11,8 @@ from onboard.vision.plate_detector import Corners, PlateDetection
 from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.settings import VisionSettings
 from onboard.vision.sized_camera import Networks
-from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
+from onboard.vision.vehicle_finder import VehicleFinder
+from onboard.vision.vehicle_network import VehicleBox, VehicleKind
 from sim_rig.rendering.scene import Scene
 from tests.vision.drive import CAMERA, Observed, frames, observe
 

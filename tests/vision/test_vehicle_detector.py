@@ -11,7 +11,8 @@ from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.settings import CameraSettings
 from onboard.vision.vehicle_detector import WIDTHS_M, VehicleDetector
-from onboard.vision.vehicle_network import VehicleBox, VehicleFinder, VehicleKind
+from onboard.vision.vehicle_finder import VehicleFinder
+from onboard.vision.vehicle_network import VehicleBox, VehicleKind
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from tests.vision.drive import CAMERA
 
@@ -81,6 +82,15 @@ def test_the_sigma_is_larger_where_the_side_is_seen() -> None:
     rear, side = _detected(_vehicle(20.0)), _detected(_vehicle(20.0, side_m=3.5))
     assert side.ahead_sigma_m > rear.ahead_sigma_m
     assert abs(side.position.ahead_m - 20.0) < 1.5 * side.ahead_sigma_m
+
+
+def test_a_long_box_without_a_known_rear_shows_the_side() -> None:
+    rear, side = (
+        replace(vehicle, end_px=None) for vehicle in (_vehicle(20.0), _vehicle(20.0, side_m=1.5))
+    )
+    assert _detected(side).ahead_sigma_m > _detected(rear).ahead_sigma_m
+    assert _detected(rear).position.ahead_m == pytest.approx(20.0, rel=0.02)
+    assert _detected(side).position.ahead_m == pytest.approx(20.0, rel=0.15)
 
 
 def test_width_says_little_at_the_border_of_the_image() -> None:

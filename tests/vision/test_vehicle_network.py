@@ -8,7 +8,7 @@ import pytest
 from onboard.vision.vehicle_network import (
     CELL_PX,
     SIDE_UNIT_PX,
-    VehicleFinder,
+    StreetNetwork,
     VehicleKind,
     decode,
 )
@@ -82,4 +82,4 @@ def test_a_low_score_is_no_vehicle() -> None:
 
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no network at .*nothing\.onnx"):
-        VehicleFinder(tmp_path / "nothing.onnx")
+        StreetNetwork(tmp_path / "nothing.onnx")

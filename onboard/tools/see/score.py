@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from statistics import median
 
-from onboard.observations import ImageBox, Lead, Plate
+from onboard.observations import Lead, Plate
 from onboard.tools.see.annotated_frame import AnnotatedFrame
 from onboard.tools.see.ground_truth import GroundTruth, TruePlate
+from onboard.vision.vehicle_finder import overlap
 
 FOUND_IOU = 0.5
 """Intersection over union from which a plate counts as found."""
@@ -174,16 +175,6 @@ def _is_surely(plate: Plate, true: TruePlate) -> bool:
         return True
     wrong = edit_distance(plate.text or "", true.text)
     return bool(true.text) and wrong <= SAME_TEXT * len(true.text)
-
-
-def overlap(one: ImageBox, other: ImageBox) -> float:
-    """Intersection over union."""
-    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
-    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
-    if width <= 0.0 or height <= 0.0:
-        return 0.0
-    both = width * height
-    return both / (one.w_px * one.h_px + other.w_px * other.h_px - both)
 
 
 def edit_distance(one: str, other: str) -> int:

@@ -1,0 +1,78 @@
+"""Vehicles in an image, by two networks: one has seen photographs, the other rendered streets.
+
+The first finds vehicles on real roads, the second tells their rears from their sides. Neither is
+sure by itself where a vehicle is small or dark, and they err in different places: the probabilities
+that there is none are multiplied. On the labelled frames of the clips, with rendered streets, no
+rule of three thresholds that was tried found more vehicles with as few false boxes.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from onboard.observations import ImageBox
+from onboard.vision.nanodet import NanoDet
+from onboard.vision.vehicle_network import LEAST_SCORE, StreetNetwork, VehicleBox
+
+_LEAST_SINGLE = 0.15
+"""Score of one network below which it says nothing."""
+_SAME_OVERLAP = 0.4
+"""Intersection over union from which boxes of the two networks are of one vehicle."""
+
+
+class VehicleFinder:
+    """Both networks, loaded once; not to be shared between threads."""
+
+    def __init__(self, *, least_score: float = LEAST_SCORE) -> None:
+        """Load the networks.
+
+        Args:
+            least_score: of a vehicle that is reported.
+        """
+        single = min(_LEAST_SINGLE, least_score)
+        self._photographs = NanoDet(least_score=single)
+        self._streets = StreetNetwork(least_score=single)
+        self._least_score = least_score
+
+    def find(self, image: npt.NDArray[np.uint8]) -> list[VehicleBox]:
+        """Vehicles in an (h, w, 3) BGR image, highest score first."""
+        found = merged(self._photographs.find(image), self._streets.find(image))
+        return [vehicle for vehicle in found if vehicle.score >= self._least_score]
+
+
+def merged(photographs: list[VehicleBox], streets: list[VehicleBox]) -> list[VehicleBox]:
+    """What either network found, with the box of the surer one, highest score first.
+
+    Args:
+        photographs: found by the network that has seen photographs, highest score first.
+        streets: found by the one that has seen rendered streets.
+    """
+    found, alone = [], list(streets)
+    for vehicle in photographs:
+        same = max(alone, key=lambda other: overlap(vehicle.box, other.box), default=None)
+        if same is None or overlap(vehicle.box, same.box) < _SAME_OVERLAP:
+            found.append(vehicle)
+            continue
+        alone.remove(same)
+        absences = 1 - vehicle.score, _absence(same)
+        surer = vehicle if absences[0] < absences[1] else same
+        found.append(replace(surer, score=1 - math.prod(absences)))
+    found += [replace(vehicle, score=1 - _absence(vehicle)) for vehicle in alone]
+    return sorted(found, key=lambda vehicle: -vehicle.score)
+
+
+def _absence(vehicle: VehicleBox) -> float:
+    """The network of rendered streets counts half: it takes more for vehicles than there are."""
+    return math.sqrt(1 - vehicle.score)
+
+
+def overlap(one: ImageBox, other: ImageBox) -> float:
+    """Intersection over union."""
+    width = min(one.x_px + one.w_px, other.x_px + other.w_px) - max(one.x_px, other.x_px)
+    height = min(one.y_px + one.h_px, other.y_px + other.h_px) - max(one.y_px, other.y_px)
+    if width <= 0.0 or height <= 0.0:
+        return 0.0
+    both = width * height
+    return both / (one.w_px * one.h_px + other.w_px * other.h_px - both)
