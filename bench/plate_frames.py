@@ -21,7 +21,6 @@ from bench import Figure
 from bench._tables import write_tables
 from bench.plates import REGIONS, Photograph, photographs
 from onboard.observations import ImageBox
-from onboard.tools.see.score import overlap
 from onboard.vision.look_alikes import folded
 from onboard.vision.plate_detector import (
     LEAST_SCORE_AGAIN,
@@ -33,6 +32,7 @@ from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import PlateReader
 from onboard.vision.plate_views import PlateViews
 from onboard.vision.plates import MIN_PX
+from onboard.vision.vehicle_finder import overlap
 
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"
 FRAMES, FPS = 12, 15.0

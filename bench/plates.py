@@ -21,10 +21,11 @@ import numpy as np
 from bench import Figure
 from bench._tables import write_tables
 from onboard.observations import ImageBox
-from onboard.tools.see.score import edit_distance, overlap
+from onboard.tools.see.score import edit_distance
 from onboard.vision.look_alikes import folded
 from onboard.vision.plate_detector import LEAST_SCORE_AGAIN, Image, PlateDetector
 from onboard.vision.plate_reader import CERTAIN, PlateReader
+from onboard.vision.vehicle_finder import overlap
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data"
 PAGE = Path(__file__).parents[1] / "docs" / "plates.md"

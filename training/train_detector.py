@@ -8,9 +8,9 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from onboard.tools.see.score import overlap
 from onboard.vision.perspective import bounding_box
 from onboard.vision.plate_detector import CELL_PX, CORNER_UNIT_PX, PlateDetector, as_input
+from onboard.vision.vehicle_finder import overlap
 from training.detector_scenes import mirrored, moved, render_scenes
 from training.initial_weights import load_weights
 from training.networks import DetectorNetwork

@@ -22,9 +22,10 @@ from onboard.tools.calibrate.cli import calibrate
 from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame
 from onboard.tools.see.cli import see
 from onboard.tools.see.ground_truth import GroundTruth
-from onboard.tools.see.score import Scores, edit_distance, overlap
+from onboard.tools.see.score import Scores, edit_distance
 from onboard.vision.frames import Frame
 from onboard.vision.settings import Calibration
+from onboard.vision.vehicle_finder import overlap
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, RENDERER, frames
 
