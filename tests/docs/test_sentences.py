@@ -39,6 +39,7 @@ from onboard.vision.plates import MIN_PX
 from onboard.vision.tracker import KEEP_S
 from onboard.wave_udp import psid
 from onboard.wave_udp.wsmp import ETHERTYPE
+from sim_rig.run_log.lateness import LIMITS_S
 from tests.docs.test_pages import ROOT
 
 UNIT_FILE = (ROOT / "deploy/files/onboard.service").read_text(encoding="utf-8")
@@ -213,3 +214,10 @@ def test_the_readme_repeats_how_often_another_vehicle_is_taken_for_the_lead() ->
     )
 
     assert in_readme("changes of the lead")[0] == f"{wrong} of {changes:,}"
+
+
+def test_the_wires_of_the_bench_have_the_limits_of_a_run() -> None:
+    with (ROOT / "docs/tables/bench-wires.csv").open(encoding="utf-8") as file:
+        limits_s = {row["what"]: float(row["limit_ms"]) / 1e3 for row in csv.DictReader(file)}
+
+    assert limits_s == pytest.approx(LIMITS_S)
