@@ -48,6 +48,18 @@ def test_gaps_and_speeds_are_those_of_the_recording(tmp_path: Path) -> None:
     assert driven_m == pytest.approx(0.1 * 10.0 + 0.1 * 11.0)
 
 
+def test_a_platoon_of_which_only_some_cars_were_recorded_is_read(tmp_path: Path) -> None:
+    columns = "Time,Speed2,E2,N2,Speed4,E4,N4,Speed5,E5,N5,IVS4\n"
+    rows = "".join(f"{5 + i / 10},10,{i},30,9,{i},0,9,0,0,12\n" for i in range(3))
+
+    drives = read_trace(written(tmp_path, HEAD + columns + rows)).drives
+
+    assert [drive.name for drive in drives] == ["car2", "car4", "car5"]
+    second, fourth, fifth = (drive.middle_m[:, 0] for drive in drives)
+    assert (second - fourth).tolist() == pytest.approx([30.0] * 3)
+    assert (fourth - fifth).tolist() == pytest.approx([12.0 + LENGTH_M] * 3)
+
+
 def test_cars_keep_to_the_lane_and_stand_after_the_end(tmp_path: Path) -> None:
     road = road_of(written(tmp_path))
 
