@@ -79,6 +79,11 @@ class Alarm:
     vehicle: str = ""
     """Name of the vehicle that it is about; empty for a cause with one alarm at a time."""
 
+    @property
+    def key(self) -> AlarmKey:
+        """Which alarm it changes."""
+        return self.cause, self.vehicle
+
 
 NOTHING = Assessment(Level.NONE, 0.0, ())
 

@@ -9,7 +9,7 @@ from onboard.kinematics.heading import Heading
 from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.observations import Lead
-from onboard.risk.alarm import Alarm, Cause, Level
+from onboard.risk.alarm import Alarm, AlarmKey, Cause, Level
 from onboard.risk.lcca_warning import LCCA
 from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
@@ -50,7 +50,7 @@ class WarningModel:
         self._response = RiskResponse(
             settings, (length_m, width_m), self._host, brake_request=brake_request
         )
-        self._active: dict[Cause, DriverWarning] = {}
+        self._active: dict[AlarmKey, DriverWarning] = {}
         self._lead: Lead | None = None
         self._group_warnings: dict[str, WarningRaised] = {}
         self._objects: dict[str, PerceivedObject] = {}
@@ -92,15 +92,15 @@ class WarningModel:
             sensed: what its own sensors alone measure, for requests to brake.
 
         Returns:
-            The active warnings, at most one of each cause.
+            The active warnings, at most one of each cause and vehicle.
         """
         self._response.assess(own, cars, now, heading=heading, sensed=sensed)
         self._objects |= {car.name: car for car in cars}
         while (event := self._response.monitor.next_event()) is not None:
             if isinstance(event, Alarm):
-                self._active.pop(event.cause, None)
+                self._active.pop(event.key, None)
                 if event.level is Level.WARNING:
-                    self._active[event.cause] = DriverWarning(event.cause, self._of(event))
+                    self._active[event.key] = DriverWarning(event.cause, self._of(event))
         self._objects = {car.name: car for car in cars}
         return list(self._active.values())
 

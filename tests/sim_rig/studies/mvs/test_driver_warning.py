@@ -158,3 +158,31 @@ def test_the_papers_alarm_is_for_the_first_hit_and_not_for_passing_cars() -> Non
     assert alarm_target(standing, beside, slow, ahead, uncertain) == "standing"
     assert alarm_target(beside, ahead) is None
     assert alarm_target() is None
+
+
+def test_the_end_of_one_vehicles_warning_leaves_the_other_vehicles() -> None:
+    """Two vehicles cross: when the first has passed, the second is still warned of."""
+    model = WarningModel(RiskSettings(), 4.5, 1.8)
+    names = []
+    for tick in range(-6, 24):
+        now = tick / 10
+        model.receive_observation(Speed(now, SPEED_M_S, 0.02, "test"), now)
+        own = car("own", SPEED_M_S * (now - 2.3), SPEED_M_S, acceleration_m_s2=0.0)
+        crossing = [
+            car(
+                name,
+                0.0,
+                SPEED_M_S,
+                north_m=SPEED_M_S * (now - meets_s),
+                course_rad=math.pi / 2,
+                acceleration_m_s2=0.0,
+            )
+            for name, meets_s in (("first", 2.3), ("second", 2.3))
+            if name == "second" or now < 0.5
+        ]
+        objects = [replace(each, stamp_s=now) for each in crossing]
+        active = model.assess(replace(own, stamp_s=now), objects, now)
+        names.append({each.of.name for each in active if isinstance(each.of, PerceivedObject)})
+
+    assert {"first", "second"} in names
+    assert names[-1] == {"second"}
