@@ -35,10 +35,11 @@ class DrivePath:
         self.length_m = float(self._ways[-1])
         stands = np.concatenate([[False], drive.speed_m_s < _STANDS_M_S, [False]])
         edges = np.flatnonzero(np.diff(stands.astype(np.int8)))
-        self._waits = [
+        self.waits = [
             (float(self._ways[begin]), (drive.first + end) * STEP_S)
             for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
         ]
+        """Place and end of each recorded stop, in m from the start and s of the recording."""
 
     def acceleration_m_s2(self, at_s: float) -> float:
         """Recorded acceleration at `at_s`, m/s^2; 0 after the end."""
@@ -48,7 +49,7 @@ class DrivePath:
 
     def waits_m(self, way_m: float, at_s: float) -> float:
         """Distance to the next recorded stop that lasts beyond `at_s`, m; infinite if none."""
-        ahead = (stood_m - way_m for stood_m, until_s in self._waits if at_s < until_s)
+        ahead = (stood_m - way_m for stood_m, until_s in self.waits if at_s < until_s)
         return min((gap_m for gap_m in ahead if gap_m > -_BEHIND_M), default=np.inf)
 
     def way_m(self, at_s: float) -> float:

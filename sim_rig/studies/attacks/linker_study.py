@@ -45,7 +45,7 @@ class LinkerSettings(Settings):
 
     seed: int = Field(1, ge=0)
     """Of all draws, together with the number of the run."""
-    scene: SceneSource = SceneName.CITY
+    scene: SceneSource = SceneName.CITY_TRACE
     """Whose traffic is followed: a scene of the MVS studies, or a file."""
     changes: int = Field(20, ge=1)
     """At times spread over the recording."""

@@ -23,6 +23,7 @@ PAPER_REDUCTION: dict[SceneSource, float] = {
     SceneName.CROSSING: 0.615,
     SceneName.SUMO_CROSSING: 0.615,
     SceneName.CITY: 0.601,
+    SceneName.CITY_TRACE: 0.601,
 }
 """Reduction of the collision probability by MVS at 40 %: all that the paper prints of Fig. 9."""
 

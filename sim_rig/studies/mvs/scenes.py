@@ -17,10 +17,13 @@ from pydantic import Field
 
 from onboard.errors import UserError
 from sim_rig.roads.crossing import IntersectionSettings, crossing
+from sim_rig.roads.drivability import drivability
 from sim_rig.roads.line_of_sight import Blocked, Corners
 from sim_rig.roads.recording import RecordedTraffic, keep_right, record
+from sim_rig.roads.retimed import retimed
 from sim_rig.roads.sources import NAMES, RoadSourceError, open_traffic
 from sim_rig.roads.trace_files import read_trace
+from sim_rig.studies.campaigns.progress import report
 
 _DATA = Path(__file__).parents[4] / "shared" / "data"
 _CITY_LANE_M = 1.75
@@ -45,7 +48,9 @@ class SceneName(StrEnum):
     SUMO_GRID = "sumo-grid"
     """Nine signalled crossings at oblique angles, some 110 cars, from SUMO; without buildings."""
     CITY = "city"
-    """Sparse: the paper's city trace."""
+    """Sparse: the paper's city trace, at speeds that a car can drive (`roads/retimed.py`)."""
+    CITY_TRACE = "city-trace"
+    """The paper's city trace as it is, which no car can drive."""
 
 
 SceneSource = Annotated[SceneName | Path, Field(union_mode="left_to_right")]
@@ -63,15 +68,23 @@ class OpenScene:
     has_lights: bool = True
 
     @property
+    def remark(self) -> str | None:
+        """Say how many of its cars cannot be driven; `None` if all can."""
+        found = drivability(self.recording)
+        return None if found.can_be_driven else found.line(self.origin)
+
+    @property
     def names(self) -> list[str]:
         """Names of all cars in the order of their appearance."""
         return [drive.name for drive in self.recording.drives]
 
 
+_CITIES = {SceneName.CITY, SceneName.CITY_TRACE}
 _RECORDED = {
     SceneName.CROSSING: "crossing-signals-100-cars.csv.gz",
     SceneName.LIGHTER_CROSSING: "crossing-signals-50-cars.csv.gz",
     SceneName.CITY: "city-99-cars.ns2",
+    SceneName.CITY_TRACE: "city-99-cars.ns2",
 }
 
 
@@ -79,10 +92,14 @@ def available_scene(scene: SceneSource) -> SceneSource:
     """The scene that a study uses, given the recordings that are present now.
 
     A study calls this once at its start and stores the result in its settings, so that resuming it
-    elsewhere, or with workers that have other recordings, does not mix two kinds of traffic.
+    elsewhere, or with workers that have other recordings, does not mix two kinds of traffic. A line
+    on stderr says how many of its cars could not be driven.
     """
     if scene is SceneName.CROSSING and not _recorded(scene).is_file():
-        return SceneName.SUMO_CROSSING
+        scene = SceneName.SUMO_CROSSING
+    remark = open_scene(scene).remark
+    if remark is not None:
+        report(remark)
     return scene
 
 
@@ -99,9 +116,12 @@ def open_scene(scene: SceneSource) -> OpenScene:
         path = _recorded(scene)
         if not path.is_file():
             raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
-        if scene is SceneName.CITY:
-            recording = keep_right(read_trace(path), _CITY_LANE_M)
-            return OpenScene(recording, None, path.name, has_lights=False)
+        if scene in _CITIES:
+            trace = read_trace(path)
+            recording = keep_right(
+                retimed(trace) if scene is SceneName.CITY else trace, _CITY_LANE_M
+            )
+            return OpenScene(recording, None, f"{scene} ({path.name})", has_lights=False)
         return OpenScene(read_trace(path), Corners(_CORNERS_M), path.name)
     if scene is SceneName.OWN_CROSSING:
         own = crossing(IntersectionSettings(), np.random.default_rng(0))
