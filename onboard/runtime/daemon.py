@@ -120,6 +120,8 @@ class Daemon:
             self.save_driver()  # before driving, so that a file that cannot be written is reported
             await self._wires.open(self._candidate_ids, exits)
             await self._sinks.open_page(self.config, self._stack, self._take_brake_button, exits)
+            self._plan_step()  # the vehicle is not deaf while the camera opens
+            await self._wires.open_camera()
             freeze_start_up_objects()
             self._sinks.show(Ready(time.monotonic()))
             self._step()

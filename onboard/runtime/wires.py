@@ -66,11 +66,14 @@ class Wires:
         )
         self.tell_camera: Callable[[Curvature | None], None] = _nowhere
         """Tells the camera the curvature of the vehicle's path."""
+        self._camera: CameraProcess | RecordedCamera | None = None
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
     async def open(self, candidate_ids: CandidateIds, exits: contextlib.AsyncExitStack) -> None:
-        """Open all of them in the running loop, until `exits` are closed, the last one first.
+        """Open them in the running loop, until `exits` are closed, the last one first.
+
+        The camera is not awaited: see `open_camera`.
 
         Args:
             candidate_ids: derives the IDs of what the camera reads.
@@ -81,18 +84,25 @@ class Wires:
         """
         self._loop = asyncio.get_running_loop()
         self._open_recorder(exits)
-        camera = self._camera(candidate_ids)
-        if camera is not None:
-            exits.callback(camera.close)
-            self.tell_camera = camera.receive_curvature
+        self._camera = self._new_camera(candidate_ids)
+        if self._camera is not None:
+            exits.callback(self._camera.close)
+            self.tell_camera = self._camera.receive_curvature
         self._open_can(exits)
         self._open_gnss(exits)
         self._open_radio(exits)
         candidate_ids.start()
         exits.callback(candidate_ids.close)
-        if camera is not None:
-            camera.start()
         await self._open_detector(exits)
+
+    async def open_camera(self) -> None:
+        """Wait until the camera is open; meanwhile the others deliver and send.
+
+        Raises:
+            UserError: it cannot be opened.
+        """
+        if self._camera is not None:
+            await asyncio.to_thread(self._camera.start)
 
     def send_wsm(self, wsm: SentWsm) -> None:
         """Send a WSM; it is lost without a radio."""
@@ -138,7 +148,7 @@ class Wires:
             radio.start(self._loop)
             self._send_wsm = radio.send
 
-    def _camera(self, candidate_ids: CandidateIds) -> "CameraProcess | RecordedCamera | None":
+    def _new_camera(self, candidate_ids: CandidateIds) -> "CameraProcess | RecordedCamera | None":
         """Make the camera; a live one opens in its process while other wires are opened."""
         config, recorder = self._config, self._config.recorder
         if config.camera is None:
