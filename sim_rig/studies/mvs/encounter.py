@@ -19,6 +19,7 @@ from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind
 from sim_rig.roads.paths import DrivePath
 from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.mvs.attentive_observer import AttentiveObserver
 from sim_rig.studies.mvs.equipped_cars import EquippedCars, IssuedWarning
 from sim_rig.studies.mvs.events import SampledEvent, event_sample
 from sim_rig.studies.mvs.lcca import LccaFleet
@@ -54,6 +55,11 @@ class Method(StrEnum):
     ONSET = "onset"
     """Drivers who can avoid the crash and have a radio are warned `onset_delay_s` after the event
     begins, with nothing sensed or shared: the most that a warning by then can avoid."""
+    OBSERVER = "observer"
+    """They are warned when an attentive observer of the true states could first know of it."""
+
+
+_ORACLES = {Method.ONSET, Method.OBSERVER}
 
 
 class EncounterSettings(Settings):
@@ -147,10 +153,11 @@ class Encounters:
         before = self._crash_without_radios(case.kind, seed)
         equipped = self._equipped(case, seed, traffic.cars_at(self._begin_s(event)), of)
         pair = None if before is None else CrashPair(before, _can_act(before, of))
-        if case.method is Method.ONSET:
+        if case.method in _ORACLES:
             if before is not None and pair is not None:
                 outcome.crash = self._run_oracle(case, seed, before, pair, equipped)
                 outcome.crash_outcome = pair.outcome(outcome.crash, equipped)
+                _, outcome.warned_before_s = pair.lead_times_s()
             return outcome
         world = self._world(case, seed, traffic, equipped)
         lcca = self._lcca(case, seed, world)
@@ -184,11 +191,31 @@ class Encounters:
         self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair, equipped: set[str]
     ) -> Crash | None:
         """Let an oracle warn who can avoid the crash `before` and has a radio; return the crash."""
-        warned_at_s = self.event(case.kind, seed).event.at_s + self._settings.onset_delay_s
+        if case.method is Method.ONSET:
+            warned_at_s = self.event(case.kind, seed).event.at_s + self._settings.onset_delay_s
+        else:
+            known_at_s = self._observed_at_s(case.kind, seed, before)
+            if known_at_s is None:
+                return before
+            warned_at_s = known_at_s
         for name in equipped:
             pair.receive_warning(name, warned_at_s)
         warned = {name: warned_at_s for name in equipped if pair.can_act(name)}
         return self._run_with_warnings(case, seed, before, warned)
+
+    def _observed_at_s(self, kind: TrafficEventKind, seed: int, before: Crash) -> float | None:
+        """When an attentive observer knows of the crash `before`; `None` if it comes as that."""
+        of = self.event(kind, seed)
+        event, name = of.event, of.recording.drives[of.event.car].name
+        must_yield = kind is TrafficEventKind.RED_LIGHT and name in before.names
+        observer = AttentiveObserver(before.names, name if must_yield else None, event.sets_off)
+
+        def watch(traffic: DisturbedTraffic, now: float) -> None:
+            if now >= event.at_s:
+                observer.receive_cars(traffic.cars_at(now))
+
+        self._continue(self._traffic(of, seed), event, self._begin_s(event), watch)
+        return observer.known_at_s
 
     def without_radios(self, case: EncounterCase, seed: int) -> tuple[Crash | None, bool]:
         """The crash without radios, and whether no car with a radio could avoid it."""

@@ -46,16 +46,24 @@ class Driver(StrEnum):
     ONSET = "onset"
     """The driver, if warned `onset_delay_s` after the event begins: the most that warnings can
     avoid. No sensor, message or alarm is simulated for it."""
+    OBSERVER = "observer"
+    """The driver, if warned once an attentive observer of the true states could know of the crash
+    (`attentive_observer.py`)."""
     WARNED = "warned"
     """The driver, after the reaction time."""
     BRAKES = "brakes"
     """The car too, as its core requests (docs/design/brake_request.md)."""
 
 
+_ORACLES = {
+    Driver.ONSET: (Method.ONSET, "at the onset"),
+    Driver.OBSERVER: (Method.OBSERVER, "observer's"),
+}
+"""Drivers that are warned with nothing sensed or shared: the method, and the name of the alarm."""
 Step = tuple[str, Driver]
 """Sensors by the name of their profile, and who acts."""
 _NO_PROFILE = "none"
-"""Sensors of `Driver.ONSET`."""
+"""Sensors of an oracle."""
 
 
 def _is_profile(name: str) -> str:
@@ -162,8 +170,8 @@ def prepared(settings: AblationSettings) -> AblationSettings:
 def run(settings: AblationSettings, case: AblationCase) -> AblationRow:
     """Run one event in one step."""
     (profile, driver), encounter = case.step, case.encounter
-    if driver is Driver.ONSET and encounter.method is not Method.NONE:
-        encounter = replace(encounter, method=Method.ONSET)
+    if driver in _ORACLES and encounter.method is not Method.NONE:
+        encounter = replace(encounter, method=_ORACLES[driver][0])
     collision = _collision(settings, profile, driver)
     row = run_event(collision, encounter, settings.seed + case.repetition)
     values = {each.name: getattr(row, each.name) for each in fields(row)}
@@ -176,7 +184,7 @@ def _steps(settings: AblationSettings) -> list[Step]:
     return [
         (profile, driver)
         for driver in settings.drivers
-        for profile in (settings.profiles if driver is not Driver.ONSET else (_NO_PROFILE,))
+        for profile in (settings.profiles if driver not in _ORACLES else (_NO_PROFILE,))
     ]
 
 
@@ -214,7 +222,7 @@ def table(settings: AblationSettings, rows: Sequence[AblationRow]) -> list[Ablat
                 if (row.profile, row.driver) == (profile, driver) and _event(row) in events
             ]
             is_first = (profile, driver) == (settings.profiles[0], Driver.WARNED)
-            alarm = "at the onset" if driver is Driver.ONSET else "car's"
+            alarm = _ORACLES[driver][1] if driver in _ORACLES else "car's"
             counted = [(alarm, "any")]
             if driver is not Driver.BRAKES:
                 counted = [(alarm, "two"), *counted]

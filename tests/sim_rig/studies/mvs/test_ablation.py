@@ -73,7 +73,11 @@ def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> lis
 
 def test_a_step_counts_what_it_says() -> None:
     """With the car's alarm, one crash becomes another one: for the two of the event, it is none."""
-    rows = rows_of_step("none", Driver.ONSET, ("avoided", "another")) + [
+    rows = [
+        row
+        for driver in (Driver.ONSET, Driver.OBSERVER)
+        for row in rows_of_step("none", driver, ("avoided", "another"))
+    ] + [
         row
         for driver, outcome in ((Driver.WARNED, "another"), (Driver.BRAKES, "avoided"))
         for profile in SETTINGS.profiles
@@ -86,6 +90,8 @@ def test_a_step_counts_what_it_says() -> None:
     assert steps == [
         ("none", "onset", "at the onset", "two"),
         ("none", "onset", "at the onset", "any"),
+        ("none", "observer", "observer's", "two"),
+        ("none", "observer", "observer's", "any"),
         ("paper", "warned", "paper's", "two"),
         ("paper", "warned", "paper's", "any"),
         ("paper", "warned", "car's", "two"),
@@ -99,9 +105,9 @@ def test_a_step_counts_what_it_says() -> None:
         crashes: [line["reduction"] for line in lines if line["crashes"] == crashes]
         for crashes in ("all", "crossing", "rear-end")
     }
-    assert reductions["crossing"] == [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.25, 0.0, 0.25, 0.25]
-    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
-    assert reductions["all"][:6] == [0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
+    assert reductions["crossing"] == [*7 * [0.25], 0.0, 0.25, 0.0, 0.25, 0.25]
+    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
+    assert reductions["all"][:8] == [0.25, 0.125, 0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
     assert {line["avoidable"] for line in lines} == {0.25}
 
 
@@ -120,7 +126,7 @@ def test_the_ablation_is_written(tmp_path: Path) -> None:
 
     with (tmp_path / "out/table.csv").open() as file:
         lines = list(csv.DictReader(file))
-    assert {line["driver"] for line in lines} == {"onset", "warned", "brakes"}
+    assert {line["driver"] for line in lines} == {"onset", "observer", "warned", "brakes"}
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
     assert summary.startswith("from 100.0% (none, at the onset alarm)")
     assert "camera-60" in summary
