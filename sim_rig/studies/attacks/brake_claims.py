@@ -178,7 +178,7 @@ def _count(host: AttackedHost, leads: int) -> AttackCounts:
         int(event.stamp_s // LEAD_EVERY_S)
         for event in host.events
         if isinstance(event, BrakeRequest) and event.deceleration_m_s2 > 0.0
-    }
+    } & set(range(leads))  # the last one may not have been followed to its end
     true = set(range(1, leads, 2))
     return AttackCounts(
         false_alarms=len(asked_for - true),

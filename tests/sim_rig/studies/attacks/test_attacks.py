@@ -74,6 +74,19 @@ def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
     assert row.startswith('"crossing vehicle, by footer",2,True,1,30,3,')
 
 
+def test_a_true_braking_that_the_end_of_a_run_cuts_off_is_no_false_one() -> None:
+    counts = run_brake_claims(
+        BRAKE_CLAIMS[AttackKind.BRAKE_BOTH],
+        (1,),
+        START_UTC_S,
+        1.5 * LEAD_EVERY_S,
+        insiders=1,
+        checks=True,
+    )
+
+    assert (counts.false_alarms, counts.true_alarms) == (0, 0)
+
+
 @pytest.mark.parametrize("attack", BRAKE_CLAIMS)
 def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKind) -> None:
     """A BSM from the place of the camera's lead, its speed falling, braked a car each time."""
