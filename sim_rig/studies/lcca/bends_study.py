@@ -67,10 +67,13 @@ class BendSettings(Settings):
     """One campaign; a run is one row of cars with one seed."""
 
     radii_m: Several[int] = tuple(BENDS)
+    """Radii of the bends; the road has these only."""
     sources: Several[Source] = ("yaw rate", "GNSS", "wrong sign", "lines", "nothing")
     """What measures how the cars turn."""
     seeds: Several[int] = tuple(range(1, 11))
+    """Rows of cars in each bend with each source; the seed is that of all draws."""
     cars: int = Field(4, ge=2, le=12)
+    """In a row, the first one included."""
     loss: float = Field(0.1, ge=0.0, lt=1.0)
     """Of messages on the air; their reach is 300 m."""
 
