@@ -124,6 +124,35 @@ def test_a_driver_file_that_cannot_be_written_does_not_stop_the_daemon(
     assert log.count("driver.json: cannot be written: No such file or directory") == 2
 
 
+SILENT_CAMERA = """
+car: {{plate: NEW2}}
+camera:
+  source: http://127.0.0.1:{port}/car
+  width_px: 640
+  height_px: 360
+  focal_x_px: 1600.0
+  focal_y_px: 1600.0
+  principal_x_px: 320.0
+  principal_y_px: 180.0
+"""
+
+
+def test_the_watchdog_is_fed_while_a_new_configuration_waits_for_its_camera(
+    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+) -> None:
+    """It opens in a process of its own, which takes longer than the watchdog's timeout."""
+    systemd.next_with("READY")
+    with socket.create_server(("127.0.0.1", 0)) as camera:
+        port = camera.getsockname()[1]
+        (tmp_path / "car.yaml").write_text(SILENT_CAMERA.format(port=port))
+        daemon.send_signal(signal.SIGHUP)
+        systemd.next_with("RELOADING")
+        connection, _ = camera.accept()
+        with connection:
+            fed = [systemd.notification() for _ in range(10)]
+    assert fed == [{"WATCHDOG": "1"}] * 10
+
+
 def test_the_watchdog_is_fed_several_times_in_its_interval_and_not_in_each_step(
     systemd: NotifySocket,
 ) -> None:
