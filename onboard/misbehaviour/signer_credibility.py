@@ -3,7 +3,7 @@
 A signature proves who claims, and a plausibility check that the claim is possible; neither proves
 that it is true. So an alarm that rests on claims alone is charged to their signers, one unit in
 equal shares, and taken back if own sensors confirm it within `CLAIM_S`: they measure the vehicle,
-or see the traffic ahead slow down. Charges decay. Whoever could not pay for an alarm alone is
+or see the traffic ahead brake. Charges decay. Whoever could not pay for an alarm alone is
 ignored: it raises none until its charges have decayed (detection by the receiver itself, ETSI TR
 103 460; certificates are its names, so a new one begins anew).
 
@@ -11,9 +11,10 @@ One signer so raises at most `MOST_ALARMS` false alarms, together no longer than
 `CLAIM_S`, whatever it claims, and then one in 70 minutes. A road-side unit tells many vehicles for
 ever of what they do not see: it may raise `MOST_ALARMS_OF_UNIT`.
 
-One vehicle has many certificates at a time. So all signers share `MOST_ALARMS`: what stands charged
-to one is taken from all others. Once it is spent, claims need own sensors, or a signer that the
-host has identified.
+One vehicle has many certificates at a time. So each signer that stands charged takes one alarm from
+all others, and many together raise no more than twice `MOST_ALARMS`, by turns `MOST_ALARMS`. Then
+claims need own sensors, or a signer that the host has identified. One signer takes no more than
+one: else a single insider would silence all vehicles that own sensors do not see.
 
 Whoever passes on a braking has a second account for that, by the name `PASSING_ON` and its own: it
 is not to lose its own credit by what others have told it, nor they theirs by what it makes of it.
@@ -45,8 +46,8 @@ CLAIM_S = 10.0
 are seconds away."""
 SLOWED_M_S = 2.0
 """By which the traffic ahead slows down if a braking ahead is real: half a second of 0.4 g."""
-EARLIER_S = 2.0
-"""The traffic may have begun to slow this long before an alarm."""
+SLOWED_WITHIN_S = 2.0
+"""The time in which it does: at 1 m/s^2 at least, by more than traffic varies without a braking."""
 
 PASSING_ON = b"passing on "
 """Before the name of a signer, its account for brakings that it passes on."""
@@ -82,8 +83,8 @@ class _Charges:
         return self.sum * self._left(now)
 
     def counted(self, now: float) -> float:
-        """Return what is left of the weighed ones, which count against others."""
-        return self.weighed * self._left(now)
+        """Return what is left of the weighed ones, as they count against others: at most 1."""
+        return min(self.weighed * self._left(now), 1.0)
 
     def add(self, share: float, weighed: float, now: float) -> None:
         """Charge a share of an alarm, or take it back."""
@@ -103,8 +104,6 @@ class _Claim:
     asked_at: float
     ends_at: float
     slows_traffic: bool
-    fastest_m_s: float
-    """Of the traffic ahead, since shortly before the alarm."""
     weight: float
     """By which it counts against other signers."""
 
@@ -188,7 +187,6 @@ class SignerCredibility(Core):
             now,
             now + CLAIM_S,
             slows_traffic,
-            max(self._recent_m_s(now), default=-math.inf),
             weight,
         )
         self._claims.move_to_end((alarm, vehicle))
@@ -205,17 +203,14 @@ class SignerCredibility(Core):
     def receive_traffic_speed(self, speed_m_s: float, now: float) -> None:
         """Take the speed of the lead by own sensors; without any, the own speed."""
         self._speeds.append((now, speed_m_s))
-        for claim in self._claims.values():
-            if claim.slows_traffic:
-                claim.fastest_m_s = max(claim.fastest_m_s, speed_m_s)
-                if speed_m_s <= claim.fastest_m_s - SLOWED_M_S:
+        if self._has_slowed(now):
+            for claim in self._claims.values():
+                if claim.slows_traffic:
                     self._confirm(claim, now)
 
     def receive_other_traffic(self) -> None:
         """Note that the lead is another one now: its speed is not compared with the last one's."""
         self._speeds.clear()
-        for claim in self._claims.values():
-            claim.fastest_m_s = -math.inf
 
     @override
     def next_event(self) -> SignerIgnored | None:
@@ -232,12 +227,9 @@ class SignerCredibility(Core):
         claim.signers = ()
         claim.ends_at = now + CLAIM_S
 
-    def _recent_m_s(self, now: float) -> list[float]:
-        """Return the speeds of the traffic ahead since shortly before now."""
-        return [speed for at, speed in self._speeds if now - at <= EARLIER_S]
-
     def _has_slowed(self, now: float) -> bool:
-        recent_m_s = self._recent_m_s(now)
+        """Whether the traffic ahead brakes, or has just braked: its speed varies all the time."""
+        recent_m_s = [speed for at, speed in self._speeds if now - at <= SLOWED_WITHIN_S]
         return bool(recent_m_s) and recent_m_s[-1] <= max(recent_m_s) - SLOWED_M_S
 
     def _has_allowance(self, signer: bytes, now: float) -> bool:

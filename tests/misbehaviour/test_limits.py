@@ -30,9 +30,9 @@ from onboard.misbehaviour.pending_warnings import FRESH_S, PendingWarnings
 from onboard.misbehaviour.sender_check import OPPOSITE_RAD, sender_violation
 from onboard.misbehaviour.signer_credibility import (
     CLAIM_S,
-    EARLIER_S,
     MOST_ALARMS,
     SLOWED_M_S,
+    SLOWED_WITHIN_S,
     SignerCredibility,
 )
 from onboard.observations import Lead, LeadIdentity, Speed
@@ -338,9 +338,9 @@ def test_an_alarm_is_paid_for_until_its_claim_ends() -> None:
 @pytest.mark.parametrize(
     ("before_s", "slowed_m_s", "confirms"),
     [
-        (EARLIER_S, SLOWED_M_S, True),
-        (EARLIER_S + 0.01, SLOWED_M_S, False),
-        (EARLIER_S, SLOWED_M_S - 0.01, False),
+        (SLOWED_WITHIN_S, SLOWED_M_S, True),
+        (SLOWED_WITHIN_S + 0.01, SLOWED_M_S, False),
+        (SLOWED_WITHIN_S, SLOWED_M_S - 0.01, False),
     ],
 )
 def test_traffic_that_slowed_down_by_the_least_since_the_earliest_time_confirms(

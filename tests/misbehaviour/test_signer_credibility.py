@@ -1,5 +1,6 @@
 """Charges of signers for alarms that nothing confirms."""
 
+import math
 from collections.abc import Collection
 
 from onboard.misbehaviour.signer_credibility import (
@@ -157,6 +158,19 @@ def test_steady_traffic_and_another_lead_confirm_nothing() -> None:
     assert host.claim("d", slows_traffic=True) == 0
 
 
+def test_traffic_that_varies_as_it_always_does_confirms_nothing() -> None:
+    """By 1.5 m/s up and down in 12 s: three alarms, not three in every ten seconds."""
+    host = Host()
+    admitted = 0
+    for number in range(10):
+        admitted += host.claim(str(number), slows_traffic=True)
+        began_s = host.now
+        host.traffic(
+            *(20.0 + 1.5 * math.sin((began_s + 0.1 * n) * math.tau / 12) for n in range(120))
+        )
+    assert admitted == MOST_ALARMS
+
+
 def test_slow_traffic_does_not_confirm_a_vehicle_that_crosses() -> None:
     host = Host()
     for name in "abc":
@@ -198,15 +212,23 @@ def test_pseudonyms_by_turns_raise_as_many_false_alarms_as_one_signer() -> None:
     assert admitted == [1] * MOST_ALARMS + [0] * (20 - MOST_ALARMS)
 
 
-def test_in_any_other_order_they_raise_no_more() -> None:
-    """Three under the first, two under the second and one under the third were six."""
+def test_in_the_best_order_they_raise_twice_as_many_in_an_hour() -> None:
+    """Three under the first, two under the second and one under the third."""
     host = Host()
 
     admitted = [host.claim(f"{n}{s.hex()}", s) for s in PSEUDONYMS for n in range(MOST_ALARMS)]
 
-    assert sum(admitted) == MOST_ALARMS
+    assert sum(admitted) == 2 * MOST_ALARMS
     host.pause(HOUR_S)
     assert host.claim("later", PSEUDONYMS[9]) == 0
+
+
+def test_one_insider_costs_the_others_no_alarm() -> None:
+    host = Host()
+    for name in "abc":
+        host.claim(name)
+
+    assert [host.claim(signer.hex(), signer) for signer in PSEUDONYMS[:2]] == [1, 1]
 
 
 def test_who_lies_as_a_forwarder_is_ignored_as_a_forwarder_and_reported_by_its_certificate() -> (
@@ -223,7 +245,7 @@ def test_who_lies_as_a_forwarder_is_ignored_as_a_forwarder_and_reported_by_its_c
     assert event.signer_id == LIAR
 
 
-def test_of_cautions_they_raise_eleven() -> None:
+def test_of_cautions_they_raise_more() -> None:
     """A caution counts a fifth against others, in the best order."""
     host = Host()
 

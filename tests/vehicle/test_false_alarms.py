@@ -14,7 +14,8 @@ from tests.security.trial import ALICE, CAROL, DAVE, UTC_S
 
 ATTACK_S = 45.0
 FACE_TO_CENTRE_M = 2.2
-INVENTIONS = sorted(set(CLAIMS) - {AttackKind.SAME_ID})
+INVENTIONS = sorted(set(CLAIMS) - {AttackKind.SAME_ID, AttackKind.SDSM, AttackKind.SIGNALS})
+"""What a certificate for BSMs permits."""
 
 
 def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) -> AttackedHost:

@@ -1,6 +1,7 @@
 """Fig. 9 and Fig. 3 of the MVS paper, in small campaigns, and the functions behind them."""
 
 import csv
+import gzip
 from itertools import pairwise
 from pathlib import Path
 
@@ -314,7 +315,8 @@ def test_a_study_whose_recording_is_missing_uses_sumo_throughout(
 
     assert "  scenes:\n  - sumo-crossing\n" in (out / "settings.yaml").read_text()
     (data / "traces").mkdir(parents=True)
-    (data / "traces" / "crossing-signals-100-cars.csv.gz").touch()
+    with gzip.open(data / "traces" / "crossing-signals-100-cars.csv.gz", "wt") as trace:
+        trace.write("t,id,x,y,heading,v\n0,one,0,0,0,10\n0.1,one,1,0,0,10\n")
     with pytest.raises(CampaignError, match="other settings"):
         STUDY.write(out, settings, Workers())
 
