@@ -411,6 +411,8 @@ def _sync(path: Path) -> None:
 def _run(*command: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [str(word) for word in command],
+        # Not with the modules of whoever installs: pip would take them for those of the release.
+        env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -245,6 +245,20 @@ def test_an_update_and_a_downgrade_leave_the_release_that_was_installed_last(
 
 
 @pytest.mark.long
+def test_modules_of_whoever_installs_are_not_taken_for_those_of_the_release(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about = tmp_path / "modules" / "onboard-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: onboard\nVersion: 1.0\n")
+    monkeypatch.setenv("PYTHONPATH", str(about.parent))
+    root = tmp_path / "root"
+    done = install(make_bundle(tmp_path / "box", NEW), root)
+    assert done.returncode == 0, done.stdout
+    assert boot(root) == f"{NEW} drives"
+
+
+@pytest.mark.long
 def test_a_release_that_cannot_read_the_configuration_is_not_taken(tmp_path: Path) -> None:
     root = tmp_path / "root"
     assert install(make_bundle(tmp_path / "old", OLD), root).returncode == 0
