@@ -1,4 +1,4 @@
-"""Whose inquiries are answered: of one that may be behind and near, and not too often.
+"""Whose inquiries are answered: of one that may be behind and near, and not too often; and joins.
 
 An answer is larger than an inquiry, and joins a vehicle ID to a certificate. Asked by the temporary
 ID of its BSMs, a vehicle gives away an ID that the asker cannot have read: who is ahead or far by
@@ -9,11 +9,16 @@ whoever lies about its place gets the ID anyway.
 import math
 from collections import OrderedDict
 
+from typing_extensions import override
+
 ANSWERS_PER_S, ANSWERS_AT_ONCE = 2.0, 3
 """Answers to one signer in the long run, under however many IDs it asks, and at once: the first one
 may be lost."""
 ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE = 20.0, 20
 """First answers to all askers, and further ones: ten vehicles that ask as often as they may."""
+REPLIES_PER_S, REPLIES_AT_ONCE = 15.0, 15
+"""Joins taken of one signer: it refreshes twice a second, retries ten times, and names each
+warning that it has received in a join of its own. Not limited in all: followers would get none."""
 WITHOUT_S = 0.5
 """An answer after so much longer than its interval is a first one again: one a second is."""
 MAX_ASKERS = 64
@@ -57,25 +62,47 @@ class _Budget:
         self.due_at = max(self.due_at, now) + 1.0 / self._per_s
 
 
-class AnswerLimit:
-    """How many answers are sent, to each asker and in all."""
+class ReplyLimit:
+    """How many replies are sent to each signer."""
 
-    def __init__(self) -> None:
+    def __init__(self, per_s: float = REPLIES_PER_S, at_once: int = REPLIES_AT_ONCE) -> None:
+        self._per_s, self._at_once = per_s, at_once
         self._askers: OrderedDict[bytes, _Budget] = OrderedDict()
-        self._first = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
-        """Of those that got none lately: others that ask often take nothing from it."""
-        self._further = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
 
     def take(self, asker: bytes, now: float) -> bool:
-        """Return whether an answer may be sent now, and count it."""
-        own = self._askers.get(asker) or _Budget(ANSWERS_PER_S, ANSWERS_AT_ONCE)
-        of_all = self._first if now >= own.due_at + WITHOUT_S else self._further
-        if not own.has_left(now) or not of_all.has_left(now):
+        """Return whether a reply may be sent now, and count it."""
+        own = self._budget(asker)
+        if not own.has_left(now):
             return False
+        self._take(asker, own, now)
+        return True
+
+    def _budget(self, asker: bytes) -> _Budget:
+        return self._askers.get(asker) or _Budget(self._per_s, self._at_once)
+
+    def _take(self, asker: bytes, own: _Budget, now: float) -> None:
         own.take(now)
-        of_all.take(now)
         self._askers[asker] = own
         self._askers.move_to_end(asker)
         if len(self._askers) > MAX_ASKERS:
             self._askers.popitem(last=False)
+
+
+class AnswerLimit(ReplyLimit):
+    """How many answers are sent, to each asker and in all."""
+
+    def __init__(self) -> None:
+        super().__init__(ANSWERS_PER_S, ANSWERS_AT_ONCE)
+        self._first = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
+        """Of those that got none lately: others that ask often take nothing from it."""
+        self._further = _Budget(ALL_ANSWERS_PER_S, ALL_ANSWERS_AT_ONCE)
+
+    @override
+    def take(self, asker: bytes, now: float) -> bool:
+        own = self._budget(asker)
+        of_all = self._first if now >= own.due_at + WITHOUT_S else self._further
+        if not own.has_left(now) or not of_all.has_left(now):
+            return False
+        self._take(asker, own, now)
+        of_all.take(now)
         return True

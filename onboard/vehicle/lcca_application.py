@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.core import Core
+from onboard.lcca.asking import ReplyLimit
 from onboard.lcca.epoch_ids import CarIds, EpochIds
 from onboard.lcca.events import (
     BrakingStatement,
@@ -72,6 +73,7 @@ class LccaApplication:
         self.group = WarningGroup(parameters, pseudonym.car_id, rng)
         self.identification = Identification(pseudonym.car_id, pseudonym.temporary_id, rng)
         self._pending_warnings = PendingWarnings(misbehaviour)
+        self._replies = ReplyLimit()
         self.cores: tuple[Core, ...] = (self._pending_warnings, self.identification, self.group)
         """In the order of their timers."""
         self._lead: Lead | None = None
@@ -160,7 +162,7 @@ class LccaApplication:
                 else:
                     self._pending_warnings.receive_warning(message, claimant, made_at_s, now)
             case _:
-                self._receive_group_message(message, now)
+                self._receive_group_message(message, signer, now)
 
     def check_pending_warnings(self, now: float) -> None:
         """Check the warnings that wait against the BSMs of their vehicles, after a BSM."""
@@ -201,11 +203,15 @@ class LccaApplication:
         if self.identification.identity is not before:
             self.follow_lead(now)
 
-    def _receive_group_message(self, message: lcca.GroupMessage, now: float) -> None:
-        if isinstance(message, lcca.Join) and not self._misbehaviour.is_id_unique(
-            message.sender_id
-        ):
-            message = message.without_acknowledgement()
+    def _receive_group_message(
+        self, message: lcca.GroupMessage, signer: bytes | None, now: float
+    ) -> None:
+        if isinstance(message, lcca.Join):
+            if signer is not None and not self._replies.take(signer, now):
+                self._discard("too_often", f"a join from {message.sender_id.hex()}", now)
+                return
+            if not self._misbehaviour.is_id_unique(message.sender_id):
+                message = message.without_acknowledgement()
         clear = self._epoch_ids.received(message, self._lead_text, self._utc_s(now))
         self.group.receive_message(clear, now)
 

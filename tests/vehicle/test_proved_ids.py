@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 from typing_extensions import override
 
+from onboard.lcca.asking import REPLIES_AT_ONCE, REPLIES_PER_S
 from onboard.lcca.transitions import GroupState
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, LccaMessage
@@ -217,3 +218,22 @@ def test_what_is_received_when_the_ids_change_is_answered_under_the_new_one(
     replies = [pdu.message for pdu in sent if isinstance(pdu.message, lcca.Reply)]
     assert [each.sender_id for each in replies if each.to_id == own] == [car_id(platoon, "AAA1")]
     assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)
+
+
+def test_one_signer_is_replied_to_as_often_as_a_follower_asks_and_the_followers_still_are() -> None:
+    """A join is small, and a reply takes a signature."""
+    platoon, insider = driven(), Insider()
+    own, lead = insider.pseudonym(platoon.now).car_id, car_id(platoon, "AAA1")
+    before, sequence = len(platoon.on_air), 0
+    for _ in range(30):
+        for _ in range(20):
+            sequence += 1
+            join = lcca.Join(own, lead, 1, lead, sequence, lcca.NO_ID, 0)
+            platoon.receive("AAA1", insider.wsm(join, platoon.now))
+        platoon.drive(0.1)
+
+    sent = [pdu.message for wsm in platoon.on_air[before:] if (pdu := pdu_in(wsm)) is not None]
+    replies = [each.to_id for each in sent if isinstance(each, lcca.Reply)]
+    assert 40 <= replies.count(own) <= REPLIES_AT_ONCE + 3.0 * REPLIES_PER_S + 1
+    assert replies.count(car_id(platoon, "BBB2")) >= 5
+    assert car_id(platoon, "BBB2") in stack_of(platoon, "AAA1").group.followers
