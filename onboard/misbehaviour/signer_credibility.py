@@ -18,6 +18,7 @@ one: else a single insider would silence all vehicles that own sensors do not se
 
 Whoever passes on a braking has a second account for that, by the name `PASSING_ON` and its own: it
 is not to lose its own credit by what others have told it, nor they theirs by what it makes of it.
+All who pass on share `MOST_ALARMS`: the host has identified the one whose word it needs.
 """
 
 import math
@@ -82,9 +83,9 @@ class _Charges:
         """Return what is left of them."""
         return self.sum * self._left(now)
 
-    def counted(self, now: float) -> float:
-        """Return what is left of the weighed ones, as they count against others: at most 1."""
-        return min(self.weighed * self._left(now), 1.0)
+    def counted(self, now: float, most: float) -> float:
+        """Return what is left of the weighed ones, which count against others: at most so much."""
+        return min(self.weighed * self._left(now), most)
 
     def add(self, share: float, weighed: float, now: float) -> None:
         """Charge a share of an alarm, or take it back."""
@@ -237,8 +238,9 @@ class SignerCredibility(Core):
         if self._is_road_side_unit(signer):
             return True
         own = self._charges.get(signer)
+        passes_on = signer.startswith(PASSING_ON)
         others = sum(
-            each.counted(now)
+            each.counted(now, math.inf if passes_on and name.startswith(PASSING_ON) else 1.0)
             for name, each in self._charges.items()
             if name != signer and not self._is_road_side_unit(name)
         )

@@ -245,6 +245,15 @@ def test_who_lies_as_a_forwarder_is_ignored_as_a_forwarder_and_reported_by_its_c
     assert event.signer_id == LIAR
 
 
+def test_all_who_pass_on_share_three_alarms_and_cost_other_signers_one_each() -> None:
+    host = Host()
+
+    passed_on = [host.claim(f"{n}{s.hex()}", PASSING_ON + s) for s in PSEUDONYMS for n in range(2)]
+
+    assert sum(passed_on) == MOST_ALARMS
+    assert host.claim("x", OTHER) == 1
+
+
 def test_of_cautions_they_raise_more() -> None:
     """A caution counts a fifth against others, in the best order."""
     host = Host()

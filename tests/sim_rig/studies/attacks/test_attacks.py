@@ -31,11 +31,11 @@ FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
 def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_path: Path) -> None:
     summary = STUDY.write(tmp_path, FEW, Workers())
 
-    assert summary == "at most 1.5 false alarms an insider; 0 of 2 true alarms missed"
+    assert summary == "at most 2.0 false alarms an insider; 0 of 2 true alarms missed"
     _, unchecked, checked = (tmp_path / "table.csv").read_text().splitlines()
     assert unchecked.startswith('"crossing vehicle, by BSM",1,False,1,40,')
-    assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,3,')
-    assert ",2,0," in checked
+    assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,4,')
+    assert ",2,0,2.5," in checked
 
 
 @pytest.mark.long
@@ -71,7 +71,7 @@ def test_two_insiders_report_in_footers_under_two_ids(tmp_path: Path) -> None:
     STUDY.write(tmp_path, footers, Workers())
 
     (row,) = (tmp_path / "table.csv").read_text().splitlines()[1:]
-    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,3,')
+    assert row.startswith('"crossing vehicle, by footer",2,True,1,30,4,')
 
 
 def test_a_true_braking_that_the_end_of_a_run_cuts_off_is_no_false_one() -> None:
