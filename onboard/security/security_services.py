@@ -139,7 +139,7 @@ class SecurityServices:
         return (
             self._trust is not None
             and carried.issuer_id is not None
-            and self._trust.find(carried.issuer_id) is not None
+            and self._trust.knows(carried.issuer_id)
             and carried.hashed_id8 not in self._forged
         )
 
@@ -256,7 +256,7 @@ class SecurityServices:
             raise NotTrusted(RejectionReason.MALFORMED, str(malformed)) from malformed
         except Unsupported as unsupported:
             raise NotTrusted(RejectionReason.UNSUPPORTED, str(unsupported)) from unsupported
-        is_known = self._trust.find(certificates[0].hashed_id8) is not None
+        is_known = self._trust.knows(certificates[0].hashed_id8)
         for certificate in self.distribution.wanted(certificates, now, is_known=is_known):
             self._trust.receive_certificate(certificate)
 

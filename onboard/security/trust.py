@@ -71,6 +71,10 @@ class TrustStore:
                 checked = _check(authority, self._issuer(authority))
                 self._anchors[authority.hashed_id8] = checked
 
+    def knows(self, hashed_id8: bytes) -> bool:
+        """Whether the certificate of this HashedId8 was verified; to ask is not to use it."""
+        return hashed_id8 in self._received or hashed_id8 in self._anchors
+
     def find(self, hashed_id8: bytes) -> Trusted | None:
         """Return the certificate of this HashedId8 if it was verified; else `None`."""
         found = self._received.get(hashed_id8)

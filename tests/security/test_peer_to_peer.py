@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from onboard.security import ieee1609dot2, p256
+from onboard.security.ieee1609dot2 import CarriedCertificate
 from onboard.security.peer_to_peer import (
     ANSWER_INTERVAL_S,
     BACKOFF_S,
@@ -24,9 +25,11 @@ from onboard.security.peer_to_peer import (
 )
 from onboard.security.rejection import NotTrusted
 from onboard.security.security_services import SecurityServices
+from onboard.security.trust import TrustStore
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms
 from onboard.wave_udp.psid import BSM, LCCA
 from tests.security.trial import ALICE, ISSUING, ROOT, UTC_S, VALID, reread
+from tests.typed import a
 
 NEW_KEY = p256.key_from(np.random.default_rng(8))
 OTHER_ISSUING = make_issuing(ROOT, "other issuing", new_key=NEW_KEY, **VALID)
@@ -232,3 +235,18 @@ def test_who_hears_an_unknown_issuer_announces_the_own_one() -> None:
     for millisecond in range(999):
         hears.receive_unknown_issuer(b"unknown.", 1.0 + BACKOFF_S + millisecond / 1000)
     assert hears.answers_to_send(2.2) == [], "no more often than it would answer"
+
+
+def test_whether_a_certificate_may_be_valid_is_asked_without_a_trace() -> None:
+    """It is asked of received frames before any step takes them: a replay does not ask."""
+    services, kept = SecurityServices(UTC_S, ALICE), []
+    for number in range(2):
+        issuer = make_issuing(ROOT, f"issuing {number}", new_key=NEW_KEY, **VALID)
+        kept.append(issuer.credential.certificate)
+        services.receive_ca_certs(encode_ca_certs(kept[-1:]), float(number))
+    received = a(TrustStore, services._trust)._received
+    before = list(received)
+
+    assert services.can_verify(CarriedCertificate(bytes(8), kept[0].hashed_id8))
+    assert not services.can_verify(CarriedCertificate(bytes(8), b"unknown."))
+    assert list(received) == before == [each.hashed_id8 for each in kept]
