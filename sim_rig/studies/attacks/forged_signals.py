@@ -29,7 +29,8 @@ from onboard.messages.spat import (
     TimeChangeDetails,
 )
 from onboard.wave_udp import psid
-from sim_rig.studies.attacks.attack_world import ORIGIN, AttackedHost, Place, Signer, placed
+from sim_rig.roads.earth import ORIGIN_HEIGHT_M
+from sim_rig.studies.attacks.attack_world import AttackedHost, Place, Signer, placed
 
 LANE_M, LANE_WIDTH_M = 200.0, 3.5
 STOP_LINE_M = -4.0
@@ -69,7 +70,7 @@ def _map(place_m: Place, intersection: IntersectionReferenceId) -> MapData:
     lane = GenericLane(
         1, None, 1, None, attributes, _STRAIGHT, Chosen("nodes", nodes), (connection,)
     )
-    reference = ReferencePoint(*placed(*place_m), ORIGIN.latitude_deg)
+    reference = ReferencePoint(*placed(*place_m), ORIGIN_HEIGHT_M)
     geometry = IntersectionGeometry(None, intersection, 1, reference, LANE_WIDTH_M, None, (lane,))
     return MapData(None, 1, LayerType.INTERSECTION_DATA, None, (geometry,))
 
