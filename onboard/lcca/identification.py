@@ -33,8 +33,11 @@ BELIEF = 0.999
 """Probability from which a car is identified."""
 MIN_ASKED = 0.004
 """Probability below which a text is not asked for."""
-MIN_ASKED_BY_MOTION = 0.5
-"""Probability by motion alone from which a car is asked for its communication ID."""
+MIN_ASKED_BY_MOTION, MIN_ASKED_BESIDE_ANSWER = 0.5, 1e-4
+"""Probability by motion alone from which a car is asked for its communication ID; and that of one
+that may keep another from being identified, which has answered for its plate."""
+MAX_ASKED_BY_MOTION = MAX_NAMES // 2
+"""Cars that one inquiry asks for that."""
 REFUTED = -7.0
 """Evidence of its motion against a car (logarithm of a likelihood ratio), since it was last at its
 highest, from which it is no longer the lead."""
@@ -88,6 +91,8 @@ class _Track:
     """Communication IDs of the cars that answered, by sender."""
     asked: dict[CarId, tuple[str, int]] = field(default_factory=dict)
     """Texts asked for in this epoch, and in how many inquiries."""
+    asked_by_motion: dict[bytes, int] = field(default_factory=dict)
+    """In how many inquiries of this epoch a sender was asked by its temporary ID."""
     inquiries: int = 0
     first_asked_at: float = math.inf
     identity: CarIdentity | None = None
@@ -157,6 +162,7 @@ class Identification(Core):
         for track in self._tracks.values():
             track.answers.clear()
             track.asked.clear()
+            track.asked_by_motion.clear()
             track.sender, track.is_disputed = None, False
             if track.identity is not None and track.identity.text is None:
                 self._lose(track, "epoch", now)
@@ -260,18 +266,22 @@ class Identification(Core):
         names = self._names(track, lead, now)
         if not names:
             return
-        is_on_air = not set(names).isdisjoint(self._temporary_ids.values())
-        most_s = RETRY_ON_AIR_S if is_on_air else RETRY_MAX_S
-        retry_s = min(RETRY_S * 2 ** min(track.inquiries, _MAX_DOUBLINGS), most_s)
-        self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
         self._asked_at = now
         track.inquiries += 1
         track.first_asked_at = min(track.first_asked_at, now)
         if len(track.asked) > MAX_ASKED:
             track.asked.clear()
+            track.asked_by_motion.clear()
         for each in lead.candidates:
             if each.car_id[:NAME_BYTES] in names:
                 track.asked[each.car_id] = each.text, track.inquiries_for(each.car_id) + 1
+        for sender, temporary_id in self._temporary_ids.items():
+            if temporary_id in names:
+                track.asked_by_motion[sender] = track.asked_by_motion.get(sender, 0) + 1
+        is_on_air = any(map(self._motion.is_on_air, track.asked_by_motion))
+        most_s = RETRY_ON_AIR_S if is_on_air else RETRY_MAX_S
+        retry_s = min(RETRY_S * 2 ** min(track.inquiries - 1, _MAX_DOUBLINGS), most_s)
+        self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
         self._sequence = (self._sequence + 1) % _SEQUENCES
         self._sequences.append(self._sequence)
         self._outbox.append(Inquiry(self._own_id, self._sequence, tuple(names)))
@@ -291,19 +301,28 @@ class Identification(Core):
                 for each in lead.candidates
                 if each.text == track.identity.text
             ][:1]
-        names = [
-            self._temporary_ids[sender]
-            for sender, probability in self._probabilities(track, lead, now).items()
-            if probability >= MIN_ASKED_BY_MOTION
-            and sender not in track.answers
-            and sender in self._temporary_ids
-        ]
+        names = [self._temporary_ids[sender] for sender in self._alike(track, lead, now)]
         names += [
             each.car_id[:NAME_BYTES]
             for each in lead.candidates
             if each.probability >= MIN_ASKED and each.car_id != self._own_id
         ]
         return sorted(list(dict.fromkeys(names))[:MAX_NAMES])  # their order reveals nothing
+
+    def _alike(self, track: _Track, lead: TrackedLead, now: float) -> list[bytes]:
+        """Vehicles whose motion is a reason to ask them, the likeliest first."""
+        has_answer = any(car_id in track.asked for car_id in track.answers.values())
+        least = MIN_ASKED_BESIDE_ANSWER if has_answer else MIN_ASKED_BY_MOTION
+        probabilities = self._probabilities(track, lead, now)
+        alike = [
+            sender
+            for sender, probability in probabilities.items()
+            if probability >= least
+            and sender not in track.answers
+            and sender in self._temporary_ids
+        ]
+        alike.sort(key=probabilities.__getitem__, reverse=True)
+        return alike[:MAX_ASKED_BY_MOTION]
 
     # Being asked
 
@@ -389,9 +408,13 @@ class Identification(Core):
             offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
             if offset_m is not None:
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
+        silent = {
+            sender: max(0, inquiries - pending)
+            for sender, inquiries in track.asked_by_motion.items()
+        }
         listed = {each.car_id for each in lead.candidates} | track.asked.keys()
-        unlisted = {sender for sender, car_id in track.answers.items() if car_id not in listed}
-        return vehicle_probabilities(texts, answered, motion, unlisted)
+        silent |= {sender: 0 for sender, car_id in track.answers.items() if car_id not in listed}
+        return vehicle_probabilities(texts, answered, motion, silent)
 
     def _decide(self, track: _Track, lead: TrackedLead, now: float) -> None:
         if track.identity is not None:

@@ -8,13 +8,15 @@ weights are, by Bayes' rule,
 
     a vehicle that answered for T     r m p(T) K(T)
     a vehicle that did not answer     (r / N) m  sum of p(T) L^n(T) K(T)
-    one that answered for none        (r / N) min(m, 1/i)  the same sum
+    one asked by its temporary ID     (r / N) min(m, 1/i) L^q  the same sum
     no vehicle on the air             (1 - r)    sum of p(T) K(T)
 
 with the sums over all texts that nobody answered for. So the likeliest text that stays silent
 while a less likely one answers keeps its weight, as that of a vehicle without a radio. An insider
 can move just as the lead does, with probability i, but proves no other ID than its own: where the
-camera reads a plate, that decides, not the motion.
+camera reads a plate, that decides, not the motion. And the lead would answer whoever asks it by
+its temporary ID: q counts the inquiries that are left unanswered, none if it answered under the ID
+of a text that the camera does not list.
 
 K(T) is the probability of the answers for other texts than T. A given plate is rare. But vehicles
 of one fleet have consecutive plates, and the lead may be of a fleet that is in range. With a
@@ -25,6 +27,7 @@ answers for plates near T and b for others,
 
 import math
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from onboard.lcca.plate_series import letters_and_number
@@ -36,9 +39,9 @@ LOST = 0.3
 COINCIDENCE = 1e-6
 """c: probability that a given vehicle bears one given text. There are 10^7 plates and more in a
 series, which are not used evenly."""
-IMITATION = 1e-3
-"""i: probability that a vehicle imitates the motion of the lead, taken high: identified by
-motion alone, it could warn the host."""
+IMITATION = 1e-2
+"""i: probability that a vehicle imitates the motion of the lead, taken high: it could keep the lead
+from being identified, or be taken for it and warn the host."""
 READ = 0.5
 """Least probability of all texts that the camera lists at which it has read the plate; a plate that
 is not read leaves the decision to motion."""
@@ -75,7 +78,7 @@ def vehicle_probabilities(
     texts: Collection[AskedText],
     answered: Mapping[bytes, str],
     motion: Mapping[bytes, float],
-    unlisted: Collection[bytes] = (),
+    asked_by_motion: Mapping[bytes, int] = MappingProxyType({}),
 ) -> dict[bytes, float]:
     """Return the probability of each vehicle; what their sum lacks to 1 is for none of them.
 
@@ -84,8 +87,8 @@ def vehicle_probabilities(
             other texts.
         answered: the text for which a vehicle answered, by the vehicle's name.
         motion: logarithm of the likelihood ratio of the motion of all vehicles on the air.
-        unlisted: names of vehicles that answered under the ID of a text that the camera does not
-            list. Whoever only moves like the lead is one.
+        asked_by_motion: of vehicles that were asked by the temporary ID of their BSMs, the number
+            of inquiries that they could have answered, and did not.
     """
     on_air = max(len(motion.keys() | answered.keys()), 1)
     rare = min(COINCIDENCE * on_air, 1.0)
@@ -107,11 +110,14 @@ def vehicle_probabilities(
         lost += weight * LOST**each.inquiries
     is_read = sum(each.probability for each in texts) >= READ
     most = math.log(1.0 / IMITATION) if is_read else math.inf
-    weights |= {
-        name: ON_AIR / on_air * math.exp(min(ratio, most) if name in unlisted else ratio) * lost
-        for name, ratio in motion.items()
-        if name not in answered
-    }
+    for name, ratio in motion.items():
+        if name in answered:
+            continue
+        if name in asked_by_motion:
+            weight = math.exp(min(ratio, most)) * LOST ** asked_by_motion[name]
+        else:
+            weight = math.exp(ratio)
+        weights[name] = ON_AIR / on_air * weight * lost
     total = sum(weights.values()) + (1.0 - ON_AIR) * nobody
     return {name: weight / total if total else 0.0 for name, weight in weights.items()}
 

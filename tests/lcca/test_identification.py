@@ -180,6 +180,24 @@ def test_a_car_that_answers_but_drives_otherwise_is_not_believed() -> None:
     assert drive.identified is None
 
 
+@pytest.mark.parametrize("others", [1, 5])
+@pytest.mark.parametrize("probability", [0.9, 0.95])
+def test_insiders_that_move_as_the_lead_and_answer_nobody_do_not_delay_it(
+    probability: float, others: int
+) -> None:
+    drive = Drive()
+    insiders = {f"evil{number}".encode(): f"t-e{number}".encode() for number in range(others)}
+    for step in range(10):
+        ahead_m_s = SPEED_M_S + 2.0 * np.sin(step / 10.0)
+        places = dict.fromkeys(insiders.values(), (29.5, 0.0, 1.0))
+        drive.core.receive_offsets(places)
+        for sender, temporary_id in insiders.items():
+            drive.core.receive_speed_on_air(sender, temporary_id, ahead_m_s, drive.now)
+        texts = candidate(AHEAD, probability)
+        drive.look(texts, ahead_m_s=ahead_m_s, answering={AHEAD: ahead_m_s})
+    assert drive.identified == AHEAD
+
+
 def test_two_answers_stay_undecided_until_the_texts_or_the_speeds_tell() -> None:
     drive = Drive()
     both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}

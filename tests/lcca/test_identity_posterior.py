@@ -11,6 +11,7 @@ from onboard.lcca.identity_posterior import (
     COINCIDENCE,
     FLEET,
     FLEET_ANSWERS,
+    IMITATION,
     LOST,
     ON_AIR,
     UNLISTED_NEAR,
@@ -18,7 +19,7 @@ from onboard.lcca.identity_posterior import (
     vehicle_probabilities,
 )
 
-A, B, C = b"a", b"b", b"c"
+A, B, C, D = b"a", b"b", b"c", b"d"
 MANY = {number.to_bytes(2): 0.0 for number in range(200)}
 TEXTS = st.from_regex(r"[A-C]{2}[0-9]{3}", fullmatch=True)
 
@@ -88,16 +89,27 @@ def test_whoever_moves_just_as_the_lead_is_not_it_if_its_plate_is_another() -> N
     """An insider copies speed and place of a lead without radio, and answers for itself."""
     read = [asked("AB120", 0.9, 5)]
 
-    assert vehicle_probabilities(read, {}, {A: 20.0}, {A})[A] < 0.999
+    assert vehicle_probabilities(read, {}, {A: 20.0}, {A: 0})[A] < 0.999
     assert vehicle_probabilities(read, {}, {A: 20.0})[A] > 0.999
-    assert vehicle_probabilities([], {}, {A: 20.0}, {A})[A] > 0.999
+    assert vehicle_probabilities([], {}, {A: 20.0}, {A: 0})[A] > 0.999
+
+
+def test_whoever_moves_just_as_the_lead_and_answers_nobody_keeps_no_other_from_being_it() -> None:
+    read = [asked("AB120", 0.9)]
+
+    def of_the_one_that_answers(asked_by_motion: dict[bytes, int]) -> float:
+        motion = {A: 6.0, B: 16.0}
+        return vehicle_probabilities(read, {A: "AB120"}, motion, asked_by_motion)[A]
+
+    assert of_the_one_that_answers({}) < 0.1
+    assert of_the_one_that_answers({B: 1}) > 0.999
 
 
 def test_the_weights_are_those_of_the_docstring() -> None:
     texts = [asked("AB120", 0.4), asked("AB160", 0.1), asked("AB140", 0.2, 1), asked("XY", 0.1)]
     powers = [each.probability**CALIBRATION for each in texts]
     p = [0.8 * power / sum(powers) for power in powers]
-    motion = {A: 0.7, B: -0.3, C: 0.1}
+    motion = {A: 0.7, B: -0.3, C: 0.1, D: 9.0}
     n = len(motion)
 
     def chance(near: int, far: int) -> float:
@@ -112,9 +124,10 @@ def test_the_weights_are_those_of_the_docstring() -> None:
         A: p[0] * math.exp(0.7) * ON_AIR * chance(1, 0),
         B: p[1] * math.exp(-0.3) * ON_AIR * chance(1, 0),
         C: ON_AIR / n * math.exp(0.1) * lost,
+        D: ON_AIR / n * LOST**2 / IMITATION * lost,
     }
     total = sum(weights.values()) + (1 - ON_AIR) * nobody
-    got = vehicle_probabilities(texts, {A: "AB120", B: "AB160"}, motion)
+    got = vehicle_probabilities(texts, {A: "AB120", B: "AB160"}, motion, {D: 2})
     assert got == pytest.approx({name: weight / total for name, weight in weights.items()})
 
 
@@ -130,14 +143,16 @@ def test_a_text_that_has_left_the_camera_s_list_is_less_likely_than_those_on_it(
     st.dictionaries(TEXTS, st.tuples(st.floats(0.0, 1.0), st.integers(0, 9)), max_size=16),
     st.dictionaries(st.binary(max_size=2), TEXTS, max_size=32),
     st.dictionaries(st.binary(max_size=2), st.floats(-30.0, 12.0), max_size=40),
+    st.dictionaries(st.binary(max_size=2), st.integers(0, 9), max_size=40),
 )
 def test_whatever_comes_the_result_is_a_distribution(
     listed: dict[str, tuple[float, int]],
     answered: dict[bytes, str],
     motion: dict[bytes, float],
+    asked_by_motion: dict[bytes, int],
 ) -> None:
     texts = {text: AskedText(text, *rest) for text, rest in listed.items()}
-    probabilities = vehicle_probabilities(texts.values(), answered, motion)
+    probabilities = vehicle_probabilities(texts.values(), answered, motion, asked_by_motion)
     assert probabilities.keys() == answered.keys() | motion.keys()
     assert all(0.0 <= each <= 1.0 for each in probabilities.values())
     assert sum(probabilities.values()) <= 1.0 + 1e-9

@@ -54,6 +54,13 @@ class Insider(StrEnum):
     MIMICRY = "mimicry"
     """He sends that speed, and the place of the lead, and answers under his own ID only: he
     can prove no other."""
+    SILENCE = "silence"
+    """He sends the same, and answers nobody."""
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether he is where the lead is, by what he sends."""
+        return self in (Insider.MIMICRY, Insider.SILENCE)
 
 
 class FalseIdentitySettings(Settings):
@@ -228,7 +235,7 @@ class _Drive:
                 if each.text in derived
             )
             closing_m_s = self._host_m_s - ahead_m_s + error_m_s
-            if self._insider is Insider.MIMICRY:
+            if self._insider.is_alike:
                 self._core.receive_offsets({_INSIDER: (gap_m + REFERENCE_M, 0.0, PLACE_SIGMA_M)})
             lead = TrackedLead(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
             self._core.receive_lead(lead, now)
@@ -269,9 +276,10 @@ class _Drive:
                     speed_m_s = float(self._traffic.shown_m_s[car])
                     self._answer(message, self._ids[car], _sender(car), speed_m_s, now)
             claimed, names = self._ids[ahead], {self._ids[ahead][:NAME_BYTES]}
-            if self._insider is Insider.MIMICRY:
+            if self._insider.is_alike:
                 claimed, names = car_id_of("EVIL1"), {_INSIDER}
-            if self._insider is not Insider.NONE and not names.isdisjoint(message.names):
+            answers = self._insider not in (Insider.NONE, Insider.SILENCE)
+            if answers and not names.isdisjoint(message.names):
                 self._answer(message, claimed, _INSIDER, self._insider_m_s(), now)
         while self._core.next_event() is not None:
             pass
@@ -283,7 +291,7 @@ class _Drive:
         self._core.receive_message(answer, None, now + 0.005)
 
     def _insider_m_s(self) -> float:
-        if self._insider in (Insider.COPIED_SPEED, Insider.MIMICRY):
+        if self._insider is Insider.COPIED_SPEED or self._insider.is_alike:
             return self._earlier_m_s
         return float(self._traffic.shown_m_s[0])
 
