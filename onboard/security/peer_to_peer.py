@@ -81,6 +81,17 @@ def decode_ca_certs(data: bytes) -> tuple[Certificate, ...]:
     return certificates
 
 
+def answered_by(data: bytes) -> bytes | None:
+    """Return the HashedId8 of the first certificate in an answer; `None` without one."""
+    reader = OerReader(data)
+    try:
+        if reader.byte() != _VERSION or reader.choice() != 0 or reader.unsigned() == 0:
+            return None
+        return read_certificate(reader).hashed_id8
+    except (Malformed, Unsupported):
+        return None
+
+
 class CertificateDistribution(Core):
     """What to ask others for, and what to answer them."""
 
@@ -132,6 +143,10 @@ class CertificateDistribution(Core):
         self.receive_request(self._own_issuer, now)
         if now - first_at >= SIGHTED_S or len(self._sighted) <= MOST_REQUESTED:
             self._place_request(issuer_id)
+
+    def is_named(self, issuer_id: bytes) -> bool:
+        """Whether a message has come under this issuer lately, which is not known."""
+        return issuer_id in self._sighted
 
     def _place_request(self, issuer_id: bytes) -> None:
         """Plan to ask for an issuer, if there is a place or one that was asked for."""

@@ -10,6 +10,7 @@ from onboard.errors import DecodeError
 from onboard.messages import bsm
 from onboard.observations import Discarded
 from onboard.security import ieee1609dot2
+from onboard.security.peer_to_peer import answered_by
 from onboard.security.security_services import NotTrusted, Opened, SecurityServices
 from onboard.wave_udp import psid
 from onboard.wave_udp.radio_queue import PRIORITIES, RadioQueue
@@ -82,10 +83,15 @@ class WaveLink(Core):
         return signer_id if signer_id and self._security.has_verified(signer_id) else None
 
     def certificate_in(self, wsm: WaveShortMessage) -> tuple[bytes, bool] | None:
-        """Return the HashedId8 of the certificate that `wsm` carries, and whether it may be valid.
+        """Return the HashedId8 of the certificate that `wsm` carries, and whether it is of use.
 
-        Nothing is verified for it. `None` without a certificate.
+        As the signer's it may be valid, as an authority's messages have named it. Nothing is
+        verified for that. `None` without a certificate.
         """
+        if wsm.psid == psid.PEER_TO_PEER:
+            issuer_id = answered_by(wsm.payload)
+            named = self._security.distribution.is_named
+            return None if issuer_id is None else (issuer_id, named(issuer_id))
         carried = ieee1609dot2.certificate_in(wsm.payload)
         return None if carried is None else (carried.hashed_id8, self._security.can_verify(carried))
 

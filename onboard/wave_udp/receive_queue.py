@@ -53,7 +53,8 @@ class ReceiveQueue:
             known_signer: names its signer, if messages of that signer were verified; `NO_KEYS`
                 where nothing is.
             certificate_in: identifies the certificate that a message carries, and tells whether it
-                may be valid; `None` without one.
+                is of use: whether it may be valid, or is an authority's that messages have named.
+                `None` without one.
         """
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
@@ -114,13 +115,13 @@ class ReceiveQueue:
         return dropped
 
     def _put_unknown(self, message: WaveShortMessage, wsm: bytes) -> int:
-        if message.psid == psid.PEER_TO_PEER:
-            return self._unknown.put_answer(wsm)
         certificate = self._certificate_in(message)
         if certificate is None:
             return self._unknown.put(wsm)
-        hashed_id8, may_be_valid = certificate
-        return self._unknown.put_certified(hashed_id8, wsm, may_be_valid=may_be_valid)
+        hashed_id8, is_of_use = certificate
+        if message.psid == psid.PEER_TO_PEER:
+            return self._unknown.put_answer(wsm, is_named=is_of_use)
+        return self._unknown.put_certified(hashed_id8, wsm, may_be_valid=is_of_use)
 
     def _put_other(self, sender: bytes, wsm: bytes) -> None:
         if sender in self._others and len(self._others) < KEEP_ALL_BELOW:

@@ -1,9 +1,11 @@
 """Frames of signers that are not known yet, among which anybody can put any number, without I/O.
 
-Four kinds take turns: certificates of authorities, frames with a certificate that was there before,
-frames with another one, and all that cannot be verified yet. A certificate that cannot be valid, or
-whose issuer is not known, is of the last kind. So who makes up a certificate for each frame delays
-neither the answer to a request nor a vehicle, which attaches its certificate twice a second.
+Four kinds take turns: certificates of authorities that messages have named, frames with a
+certificate that was there before, frames with another one, and all that cannot be verified yet.
+Authorities that no message has named have a turn now and then, as it may be lost. A certificate
+that cannot be valid, or whose issuer is not known, is of the last kind. So who makes up a
+certificate for each frame delays neither the answer to a request nor a vehicle, which attaches its
+certificate twice a second.
 """
 
 from collections import OrderedDict, deque
@@ -19,6 +21,11 @@ MAX_OF_CERTIFICATE = 4
 """Frames with one certificate waiting, the newest."""
 MAX_CERTIFICATES = 8192
 """Certificates that are remembered, those there last: 2 s of 3,000 made up a second."""
+
+
+TURNS = 4
+"""Of each other kind, for one of the authorities that no message has named: few of these are
+verified in a second."""
 
 
 class _Newest:
@@ -46,10 +53,10 @@ class UnknownSigners:
 
     def __init__(self) -> None:
         self._again = SenderTurns(MAX_IN_TURN)
-        self._answers, self._new, self._others = _Newest(), _Newest(), _Newest()
-        self._kinds: deque[SenderTurns | _Newest] = deque(
-            (self._answers, self._again, self._new, self._others)
-        )
+        self._answers, self._unnamed = _Newest(), _Newest()
+        self._new, self._others = _Newest(), _Newest()
+        each = self._answers, self._again, self._new, self._others
+        self._kinds: deque[SenderTurns | _Newest] = deque((*(each * TURNS), self._unnamed))
         """The first one is next."""
         self._seen: OrderedDict[bytes, None] = OrderedDict()
 
@@ -60,9 +67,14 @@ class UnknownSigners:
         """Queue a frame, and return how many were dropped for it."""
         return self._others.put(frame)
 
-    def put_answer(self, frame: bytes) -> int:
-        """Queue certificates of authorities, and return how many frames were dropped for them."""
-        return self._answers.put(frame)
+    def put_answer(self, frame: bytes, *, is_named: bool) -> int:
+        """Queue certificates of authorities, and return how many frames were dropped for them.
+
+        Args:
+            frame: that carries them.
+            is_named: whether messages have named the first one.
+        """
+        return (self._answers if is_named else self._unnamed).put(frame)
 
     def put_certified(self, certificate: bytes, frame: bytes, *, may_be_valid: bool) -> int:
         """Queue a frame that carries a certificate, by its HashedId8; return as `put`."""

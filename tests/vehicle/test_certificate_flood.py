@@ -33,6 +33,11 @@ def of_own_issuer(number: int) -> MadeUp:
     return MadeUp(number.to_bytes(8), is_of_own_issuer=True)
 
 
+def answers(number: int) -> MadeUp:
+    """Two of three frames are answers."""
+    return MadeUp(number.to_bytes(8), is_answer=number % 3 > 0)
+
+
 @pytest.mark.parametrize(
     ("rate_hz", "flood"),
     [
@@ -44,6 +49,7 @@ def of_own_issuer(number: int) -> MadeUp:
         (FLOOD_HZ, partial(made_up_by, 2)),
         (FLOOD_HZ, partial(made_up_by, 3)),
         (FLOOD_HZ, of_own_issuer),
+        (FLOOD_HZ, answers),
     ],
 )
 def test_each_vehicle_learns_the_other_ones_issuer_within_two_seconds(

@@ -18,6 +18,7 @@ from onboard.security.certificates import Certificate
 from onboard.security.credentials import Credentials
 from onboard.security.ieee1609dot2 import encode_signed, encode_to_be_signed
 from onboard.security.its_time import to_time64
+from onboard.security.oer import choice, sequence
 from onboard.security.p256 import key_from
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
@@ -89,6 +90,8 @@ class MadeUp:
     """Eight bytes."""
     is_of_own_issuer: bool = False
     """Whether it names the issuer of its receiver; else its issuer is made up."""
+    is_answer: bool = False
+    """Whether it is sent as an authority's that somebody asks for; else as the signer of a BSM."""
 
 
 class _Vehicle:
@@ -162,7 +165,11 @@ def made_up_by(outsiders: int, number: int) -> MadeUp:
 
 
 def _forged(real: Certificate, made_up: MadeUp, utc_s: float) -> bytes:
-    """A BSM under a certificate that nobody issued, and signed with nothing."""
+    """A BSM under a certificate that nobody issued, and signed with nothing; or an answer."""
+    if made_up.is_answer:
+        certificate = real.encoded[:-8] + made_up.name
+        answer = b"\x01" + choice(0) + sequence([certificate])
+        return wsmp.encode(WaveShortMessage(psid.PEER_TO_PEER, answer))
     assert real.issuer_id is not None  # noqa: S101 (no pseudonym is a root)
     if made_up.is_of_own_issuer:  # and the end of the issuer's signature is made up
         signer = b"\x81\x01\x01" + real.encoded[:-8] + made_up.name
