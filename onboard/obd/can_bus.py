@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import can
 from can.interfaces.socketcan import SocketcanBus
@@ -26,6 +27,9 @@ RECONNECT_PERIOD_S = 0.5
 
 DRAIN_FRAMES = 256
 """Frames that are read before other tasks of the loop run."""
+
+REPEAT_S = 0.05
+"""From the last frame of a recording to its first, where it begins anew."""
 
 NO_SOCKETCAN = "the kernel has no SocketCAN (modprobe can_raw)"
 
@@ -81,10 +85,10 @@ class CanBus:
         if self._settings.file is None:
             self._attach(self._open())
             return
-        frames = read_can_log(self._settings.file, self._settings.channel, self._on_discarded)
+        frames = self._read(self._settings.file)
         first = next(frames, None)  # opens the file
         if first is not None:
-            self._task = loop.create_task(self._play(first, frames))
+            self._task = loop.create_task(self._play(self._settings.file, first, frames))
 
     def send(self, frame: CanFrame) -> None:
         """Send `frame`; it is lost without a bus, or if the bus's queue is full."""
@@ -174,7 +178,10 @@ class CanBus:
                 raise
         self._on_state(True, "")
 
-    async def _play(self, first: CanFrame, others: Iterator[CanFrame]) -> None:
+    def _read(self, recording: Path) -> Iterator[CanFrame]:
+        return read_can_log(recording, self._settings.channel, self._on_discarded)
+
+    async def _play(self, recording: Path, first: CanFrame, others: Iterator[CanFrame]) -> None:
         """Play a recording at its own pace, the first frame now."""
         offset_s = self._loop.time() - first.stamp_s
         why = "end of the recording"
@@ -185,6 +192,10 @@ class CanBus:
             self._on_frame(replace(frame, stamp_s=at))
             try:
                 frame = next(others, None)
+                if frame is None and self._settings.repeat:
+                    others = self._read(recording)
+                    frame = next(others, first)
+                    offset_s = at + REPEAT_S - frame.stamp_s
             except CanLogError as error:
                 frame, why = None, str(error)
         self._on_state(False, why)

@@ -25,11 +25,15 @@ class CanSettings(Settings):
     """Port of the socketcand server."""
     file: Path | None = None
     """The recording, in any format that python-can reads; only with `interface: log`."""
+    repeat: bool = False
+    """Whether the recording begins anew at its end; only with `interface: log`."""
 
     @model_validator(mode="after")
     def _file_belongs_to_log(self) -> Self:
         if (self.interface == "log") != (self.file is not None):
             raise ValueError("`file` is required with `interface: log`, and only there")
+        if self.repeat and self.interface != "log":
+            raise ValueError("`repeat` is allowed with `interface: log` only")
         return self
 
 

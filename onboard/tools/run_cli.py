@@ -5,6 +5,7 @@ import faulthandler
 import logging
 import os
 import sys
+from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,27 @@ from onboard.runtime.service import Service
 
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Severities of syslog (RFC 5424, table 2), by structlog's names."""
+
+
+def flat(_logger: object, _method: str, line: MutableMapping[str, object]) -> dict[str, object]:
+    """Put the fields of an event beside its name, as text, but those that the line has anyway."""
+    details = line.pop("details", {})
+    facts = dict(details) if isinstance(details, Mapping) else {"details": details}
+    return {
+        **line,
+        **{key: str(value) for key, value in facts.items() if key not in ("stamp_s", "kind")},
+    }
+
+
+_FOR_PROGRAMS = (
+    structlog.processors.TimeStamper(fmt="iso", utc=True),
+    structlog.processors.JSONRenderer(),
+)
+_FOR_READERS = (
+    structlog.processors.TimeStamper(fmt="%H:%M:%S", utc=False),
+    flat,
+    structlog.dev.ConsoleRenderer(),
+)
 
 
 def run(
@@ -31,8 +53,7 @@ def _configure_log() -> None:
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.JSONRenderer(),
+            *(_FOR_READERS if sys.stderr.isatty() else _FOR_PROGRAMS),
             *([_with_priority] if in_journal else []),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),

@@ -7,10 +7,11 @@ from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from onboard.obd.can_bus import CanBus, CanBusError
+from onboard.obd.can_bus import REPEAT_S, CanBus, CanBusError
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
@@ -311,8 +312,34 @@ def test_a_recording_plays_at_its_own_pace_on_the_loops_clock(tmp_path: Path) ->
     on_a_loop(scenario)
 
 
+def test_a_recording_that_is_to_be_repeated_begins_anew_at_its_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_text("(10.0) can0 100#\n(10.05) can0 101#\n", encoding="ascii")
+
+    async def scenario() -> None:
+        callbacks = Callbacks()
+        settings = CanSettings(interface="log", file=path, repeat=True)
+        bus = CanBus(
+            settings, callbacks.frames.put_nowait, lambda *state: callbacks.states.put_nowait(state)
+        )
+        bus.start(asyncio.get_running_loop())
+        frames = [await soon(callbacks.frames.get()) for _ in range(5)]
+        assert [f.arbitration_id for f in frames] == [0x100, 0x101, 0x100, 0x101, 0x100]
+        assert np.diff([f.stamp_s for f in frames]) == pytest.approx([0.05, REPEAT_S] * 2)
+        assert callbacks.states.empty()
+        bus.close()
+
+    on_a_loop(scenario)
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"interface": "log"}, {"interface": "socketcan", "file": "a.log"}, {"port": 0}]
+    "wrong",
+    [
+        {"repeat": True},
+        {"interface": "log"},
+        {"interface": "socketcan", "file": "a.log"},
+        {"port": 0},
+    ],
 )
 def test_impossible_settings_are_refused(wrong: dict[str, int | str]) -> None:
     with pytest.raises(ValidationError):
