@@ -69,7 +69,9 @@ def run(
     watch: Annotated[
         bool,
         typer.Option(
-            "--watch", help="Open the engineer's page in a browser, and keep it until Ctrl-C."
+            "--watch",
+            help="Open the engineer's page in a browser, and keep it until Ctrl-C; of a run in"
+            " virtual time, the cars from above.",
         ),
     ] = False,
     box: Annotated[

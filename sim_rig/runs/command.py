@@ -17,6 +17,7 @@ from sim_rig.boxes.settings import load_boxes
 from sim_rig.engineer.page_process import ENGINEER
 from sim_rig.processes.gpsd import gpsd_program
 from sim_rig.reporting.report import print_report, print_verdict
+from sim_rig.reporting.scenario_from_above import show_scenario
 from sim_rig.reporting.timeline import draw_timeline
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.run_log import RunLog
@@ -43,7 +44,7 @@ def run_scenario(
         out: folder of the run's folder.
         virtual: in virtual time; also where it cannot run live.
         seed: instead of the scenario's own.
-        watch: show the engineer's page until Ctrl-C.
+        watch: show the engineer's page until Ctrl-C; of virtual time, the run from above.
         boxes: `CAR=FILE` for each car that is a box.
         virtual_others: the rig steps all other cars itself, in real time.
 
@@ -73,7 +74,14 @@ def run_scenario(
             return run_in_virtual_time(loaded, chosen, folder)
         return LiveTestbench(loaded, chosen, folder, hardware, virtual_others=virtual_others)
 
-    return run_and_report(loaded, chosen, prepare, folder, console, watch=watch)[1]
+    _, outcome = run_and_report(loaded, chosen, prepare, folder, console, watch=watch)
+    if virtual and watch:
+        page = folder / "run.html"
+        show_scenario(folder, page)
+        webbrowser.open(page.resolve().as_uri())
+    else:
+        console.print(f"The run from above: sim-rig show {folder}", soft_wrap=True)
+    return outcome
 
 
 def run_in_virtual_time(scenario: Scenario, seed: int, folder: Path) -> RunLog:

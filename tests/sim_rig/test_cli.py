@@ -190,3 +190,22 @@ def test_a_mistake_of_the_user_ends_with_2(terminal: Terminal, arguments: tuple[
 
     assert (code, shown) == (2, "")
     assert complaint
+
+
+def test_a_run_in_virtual_time_that_is_to_be_watched_opens_from_above(tmp_path: Path) -> None:
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path}/opened\n', encoding="utf-8")
+    browser.chmod(0o755)
+
+    subprocess.run(
+        [sys.executable, "-m", "sim_rig", "run", "left-turn", "--virtual", "--watch"],
+        cwd=tmp_path,
+        env={**os.environ, "BROWSER": str(browser), "PYTHONPATH": str(Path.cwd())},
+        timeout=120,
+        check=True,
+        capture_output=True,
+    )
+
+    page = tmp_path / "out" / "left-turn-virtual" / "run.html"
+    assert page.is_file()
+    assert (tmp_path / "opened").read_text(encoding="utf-8").strip() == page.as_uri()
