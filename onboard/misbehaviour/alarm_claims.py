@@ -4,9 +4,10 @@ What own sensors measure is no claim. A remote vehicle is claimed by its signer,
 without radio by those who measured it and report it themselves, else by those who pass it on, a
 braking in the group by the vehicle that signed it. Whoever repeats that claims only what the
 signature leaves open: that the braking is ahead in this group. A test of the brake button claims
-nothing.
+nothing, so each vehicle's are shown for `TEST_S` in `TEST_EVERY_S`.
 """
 
+import math
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Sequence
 
@@ -27,6 +28,9 @@ NOBODY = b""
 false alarms as one signer."""
 NO_SENDER = b"no sender"
 """The same of vehicles whose BSMs are not known."""
+TEST_S, TEST_EVERY_S = 2.0, 20.0
+"""A button sends its test for a second."""
+_MAX_TESTS = 64
 _MAX_BRAKINGS = 256
 """Of more, the oldest of whoever has claimed most is displaced: nobody displaces another's."""
 
@@ -62,6 +66,8 @@ class AlarmClaims:
         """First claimant of each braking, by its vehicle and first sequence number."""
         self._brakings: OrderedDict[str, bytes] = OrderedDict()
         """Claimant of the last one of each vehicle, by the name that alarms have for it."""
+        self._tested_at: OrderedDict[str, float] = OrderedDict()
+        """Start of the last test that was shown, by the same name."""
 
     def receive_identified(self, signers: Collection[bytes]) -> None:
         """Take the signers of the vehicles that the host has identified; replaces the last ones."""
@@ -135,6 +141,9 @@ class AlarmClaims:
 
     def admit(self, cause: Cause, assessment: Assessment, now: float) -> bool:
         """Take an assessment; return whether it may raise an alarm, or keep it on."""
+        if assessment.is_test:
+            shown = [self._admit_test(reason.name, now) for reason in assessment.reasons]
+            return all(shown)
         slows_traffic = row_of(cause).slows_traffic or not self._has_sight
         for name in dict.fromkeys(reason.name for reason in assessment.reasons):
             signers = self._claimants(name)
@@ -149,6 +158,15 @@ class AlarmClaims:
             ):
                 return False
         return True
+
+    def _admit_test(self, name: str, now: float) -> bool:
+        began_at = self._tested_at.get(name, -math.inf)
+        if now >= began_at + TEST_EVERY_S:
+            self._tested_at[name] = began_at = now
+            self._tested_at.move_to_end(name)
+        if len(self._tested_at) > _MAX_TESTS:
+            self._tested_at.popitem(last=False)
+        return now < began_at + TEST_S
 
     def is_ignored(self, name: str, signers: Collection[bytes], now: float) -> bool:
         """Whether what only these signers claim raises no alarm; one that is on goes on."""

@@ -4,7 +4,7 @@ import pytest
 
 from onboard.messages import lcca
 from onboard.misbehaviour import alarm_claims
-from onboard.misbehaviour.alarm_claims import NOBODY, AlarmClaims
+from onboard.misbehaviour.alarm_claims import NOBODY, TEST_EVERY_S, TEST_S, AlarmClaims
 from onboard.misbehaviour.signer_credibility import MOST_ALARMS, PASSING_ON
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
@@ -140,3 +140,28 @@ def test_who_claims_many_brakings_displaces_its_own(monkeypatch: pytest.MonkeyPa
     assert claims.admit(LCCA, Assessment(Level.WARNING, 6.0, (reason,)), 0.0)
     assert SIGNER in claims.credibility._charges
     assert NOBODY not in claims.credibility._charges
+
+
+def test_tests_of_one_vehicle_are_shown_for_a_moment_and_those_of_another_beside() -> None:
+    """Whoever sends them without end would have them on for ever."""
+    claims = claims_of_nothing()
+
+    def is_shown(origin: bytes, now: float) -> bool:
+        reason = AlarmReason("warning_raised", origin.hex(), 0.0)
+        return claims.admit(LCCA, Assessment(Level.WARNING, 6.0, (reason,), is_test=True), now)
+
+    shown_s = [at / 10.0 for at in range(600) if is_shown(ORIGIN, at / 10.0)]
+    assert len(shown_s) == 3 * 10 * TEST_S
+    assert not is_shown(ORIGIN, 59.9)
+    assert is_shown(UNKNOWN[0], 59.9)
+    assert is_shown(ORIGIN, 3 * TEST_EVERY_S)
+
+
+def test_a_braking_raises_its_alarm_after_tests_of_the_same_vehicle() -> None:
+    claims = claims_of_nothing()
+    reason = AlarmReason("warning_raised", ORIGIN.hex(), 0.0)
+    test = Assessment(Level.WARNING, 6.0, (reason,), is_test=True)
+    for at in range(50):
+        claims.admit(LCCA, test, at / 10.0)
+
+    claim_braking(claims, 1, 5.0)

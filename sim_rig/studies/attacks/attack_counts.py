@@ -21,3 +21,7 @@ class AttackCounts:
     """Signers that are no insiders', and are ignored."""
     answers_per_s: float = 0.0
     """That insiders get."""
+    identified_s: float | None = None
+    """Until the last follower knew the vehicle ahead of it; `None` if one never did."""
+    wrong_leads: int = 0
+    """Other vehicles that were taken for the one ahead."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from onboard.lcca.events import WarningOver, WarningRaised
+from onboard.lcca.events import Identified, WarningOver, WarningRaised
 from onboard.messages import lcca
 from onboard.messages.lcca import CarId, LccaMessage, Warn
 from onboard.misbehaviour.signer_credibility import SignerIgnored
@@ -27,6 +27,8 @@ from onboard.risk.alarm import Alarm, Level
 from onboard.risk.lcca_warning import LCCA
 from onboard.security import ieee1609dot2
 from onboard.security.credentials import Credentials
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.settings import PlateDigestSettings
 from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
@@ -41,6 +43,8 @@ Listener = Callable[[LccaMessage, bytes, float], Iterable[bytes]]
 """Takes a message, the 1609.2 data that it came in, and the time; returns WSMs."""
 LEADER, *FOLLOWERS = PLATES = ("AAA1", "BBB2", "CCC3")
 SENSORS = (Sensor.SPEED, Sensor.POSITION, Sensor.CAMERA)
+READ, BADLY_READ, NOT_READ = 0.98, 0.9, 0.0
+"""Probabilities of the text that cameras read on the plate ahead."""
 GAP_M = 15.0
 BRAKE_M_S2 = 6.0
 BRAKING_S = 1.0
@@ -70,7 +74,7 @@ class AttackedGroup:
         *,
         checks: bool = True,
         reach: int = len(PLATES),
-        reads_plates: bool = True,
+        plate: float = READ,
         ahead: str | None = None,
     ) -> None:
         """Start at time 0, which is `utc_s`.
@@ -81,7 +85,7 @@ class AttackedGroup:
             rngs: one for each vehicle.
             checks: whether brakings and claims are checked.
             reach: vehicles ahead and behind that each receives.
-            reads_plates: whether the cameras do.
+            plate: probability of the text that cameras read on the plate ahead; 0: of none.
             ahead: plate of a vehicle ahead of the first one, which is no vehicle of the group.
         """
         self.now = 0.0
@@ -99,18 +103,20 @@ class AttackedGroup:
         """Of the leader."""
         self.speed_m_s = SPEED_M_S
         """Of all."""
-        self._reach, self._reads_plates, self._ahead = reach, reads_plates, ahead
+        self._reach, self._plate, self._ahead = reach, plate, ahead
+        self._utc_s = utc_s
+        self._digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
         self._inputs: dict[str, list[Input]] = {plate: [] for plate in PLATES}
         self._stacks = {}
-        for plate, rng in zip(PLATES, rngs, strict=True):
+        for name, rng in zip(PLATES, rngs, strict=True):
             tree = {
-                "car": {"plate": plate},
+                "car": {"plate": name},
                 "gnss": {},
                 "security": {"plate_digest": DIGEST, "check_braking": checks},
             }
-            config = parse_settings(tree, CarConfig, plate)
-            self._stacks[plate] = Stack(
-                config, SENSORS, rng, now=0.0, utc_s=utc_s, credentials=keys[plate]
+            config = parse_settings(tree, CarConfig, name)
+            self._stacks[name] = Stack(
+                config, SENSORS, rng, now=0.0, utc_s=utc_s, credentials=keys[name]
             )
 
     def drive(
@@ -174,6 +180,15 @@ class AttackedGroup:
         """Return the signers that a follower ignores."""
         return {each.signer_id for _, each in self.events if isinstance(each, SignerIgnored)}
 
+    def leads(self, plate: str) -> list[tuple[float, bool]]:
+        """Return when a follower identified a vehicle, and whether it is the one ahead."""
+        ahead = PLATES[PLATES.index(plate) - 1]
+        return [
+            (each.stamp_s, each.car_id == self._digest.car_id(ahead, self._utc_s + each.stamp_s))
+            for each in self._events_of(plate)
+            if isinstance(each, Identified)
+        ]
+
     def _events_of(self, plate: str) -> Iterator[Event]:
         return (event for name, event in self.events if name == plate)
 
@@ -190,7 +205,7 @@ class AttackedGroup:
         text = PLATES[number - 1] if number else self._ahead
         if text is None:
             return Lead(self.now, LeadIdentity.NO_LEAD)
-        if not self._reads_plates:
+        if not self._plate:
             return Lead(
                 self.now, LeadIdentity.UNKNOWN, None, GAP_M, 0.3, 0.0, 0.3, track_id=1 + number
             )
@@ -203,7 +218,7 @@ class AttackedGroup:
             0.0,
             0.3,
             track_id=1 + number,
-            candidates=(PlateCandidate(text, 0.98),),
+            candidates=(PlateCandidate(text, self._plate),),
         )
 
     def _run(self, until: float) -> None:

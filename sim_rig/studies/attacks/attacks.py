@@ -31,17 +31,22 @@ from sim_rig.studies.attacks.brake_claims import (
     by_footer,
 )
 from sim_rig.studies.attacks.forged_messages import (
+    BadlyRead,
     ForgedAnswers,
     ForgedJoins,
     ForgedLeaves,
     ForgedReplies,
+    ForgedTests,
     ForgedUpdates,
     Mimicry,
+    MimicryBadlyRead,
     MimicryUnread,
     NextLeader,
     OtherEpochs,
     Replay,
+    SilentMimicry,
     StatementFlood,
+    Unread,
 )
 from sim_rig.studies.attacks.forged_signals import red_for
 from sim_rig.studies.attacks.group_attacks import (
@@ -91,7 +96,13 @@ class AttackKind(StrEnum):
     NEXT_LEADER = "a leader whose next ID is that of a member"
     OTHER_EPOCHS = "brakings under IDs of other epochs"
     STATEMENTS = "100 statements of brakings a second"
+    NONE_IN_GROUP = "none"
+    NONE_BADLY_READ = "none, plates badly read"
+    NONE_UNREAD = "none, plates not read"
+    TESTS = "tests of the brake button"
     MIMICRY = "BSMs from the leader's place"
+    MIMICRY_BADLY_READ = "BSMs from the leader's place, plates badly read"
+    SILENT_MIMICRY = "BSMs from there and no answer, plates badly read"
     MIMICRY_UNREAD = "BSMs from the leader's place, plates not read"
     ORACLE = "inquiries under changing IDs"
     BRAKE_CAMERA = "brake requests by BSMs from the place of the camera's lead"
@@ -305,7 +316,13 @@ IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.NEXT_LEADER: NextLeader,
     AttackKind.OTHER_EPOCHS: OtherEpochs,
     AttackKind.STATEMENTS: StatementFlood,
+    AttackKind.TESTS: ForgedTests,
+    AttackKind.NONE_IN_GROUP: Imposture,
+    AttackKind.NONE_BADLY_READ: BadlyRead,
+    AttackKind.NONE_UNREAD: Unread,
     AttackKind.MIMICRY: Mimicry,
+    AttackKind.MIMICRY_BADLY_READ: MimicryBadlyRead,
+    AttackKind.SILENT_MIMICRY: SilentMimicry,
     AttackKind.MIMICRY_UNREAD: MimicryUnread,
     AttackKind.ORACLE: Oracle,
 }

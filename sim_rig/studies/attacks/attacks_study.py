@@ -6,7 +6,8 @@ detector sees them late, and nothing that the insiders claim. One case of each a
 checks.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 from pydantic import Field
@@ -91,6 +92,10 @@ class AttackRow:
     """Signers that are no insiders', and are ignored."""
     answers_per_s: float
     """That insiders get."""
+    identified_s: float | None
+    """Until the last vehicle of a group knew the one ahead of it; `None` if one never did."""
+    wrong_leads: int
+    """Other vehicles that were taken for the one ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +116,8 @@ class AttackLine:
     least_notice_s: float | None
     honest_ignored: int
     answers_per_s: float
+    identified_s: float | None
+    wrong_leads: int
 
 
 def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
@@ -159,7 +166,15 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         ),
         honest_ignored=sum(row.honest_ignored for row in runs),
         answers_per_s=max(row.answers_per_s for row in runs),
+        identified_s=_worst(row.identified_s for row in runs),
+        wrong_leads=sum(row.wrong_leads for row in runs),
     )
+
+
+def _worst(times_s: Iterable[float | None]) -> float | None:
+    """Return the longest time; `None`, which is for ever, if one is."""
+    known_s = [math.inf if each is None else each for each in times_s]
+    return None if math.inf in known_s else max(known_s)
 
 
 def summary(results: Results[AttacksSettings, AttackRow, AttackLine]) -> str:

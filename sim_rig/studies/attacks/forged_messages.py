@@ -20,9 +20,17 @@ from onboard.messages.lcca import (
     Reply,
     Update,
     Warn,
+    WarnCause,
 )
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S
-from sim_rig.studies.attacks.attacked_group import FOLLOWERS, LEADER, PLATES, AttackedGroup
+from sim_rig.studies.attacks.attacked_group import (
+    BADLY_READ,
+    FOLLOWERS,
+    LEADER,
+    NOT_READ,
+    PLATES,
+    AttackedGroup,
+)
 from sim_rig.studies.attacks.group_attacks import BRAKING_MESSAGES, PERIOD_MESSAGES, GroupInsider
 from sim_rig.studies.attacks.impostures import Imposture, Plates, braking
 
@@ -83,14 +91,19 @@ class ForgedUpdates(Imposture):
 
 
 class ForgedAnswers(Imposture):
-    """Answers each inquiry under its own ID, with the temporary ID of the vehicle asked for."""
+    """Answers each inquiry under its own ID, with its temporary ID and that of the leader."""
+
+    @override
+    def sends(self, now: float) -> Iterator[bytes]:
+        """Send a BSM from beside the group."""
+        yield self.insider.bsm_at((4.0, self.group.way_m), (0.0, self.group.speed_m_s), now)
 
     @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
         """Answer before others do."""
         if isinstance(message, Inquiry):
             own = self.insider.own_id(now)
-            for temporary_id in (b"EVIL", self.group.temporary_id):
+            for temporary_id in (self.insider.temporary_id, self.group.temporary_id):
                 answer = Answer(own, message.sender_id, message.sequence, temporary_id, SPEED_M_S)
                 yield self.insider.signed(answer, now)
 
@@ -105,7 +118,8 @@ class NextLeader(Imposture):
         """Answer who asks for it, and who joins it."""
         own, asks = self.insider.own_id(now), message.sender_id
         if isinstance(message, Inquiry):
-            answer = Answer(own, asks, message.sequence, b"EVIL", SPEED_M_S)
+            evil = self.insider.temporary_id
+            answer = Answer(own, asks, message.sequence, evil, SPEED_M_S)
             yield self.insider.signed(answer, now)
         elif isinstance(message, Join) and message.to_id == own:
             member = self.plates.car_id(FOLLOWERS[0], now)
@@ -127,14 +141,44 @@ class Mimicry(Imposture):
         """Answer under its own ID, which it proves."""
         if isinstance(message, Inquiry):
             own, speed_m_s = self.insider.own_id(now), self.group.speed_m_s
-            answer = Answer(own, message.sender_id, message.sequence, b"EVIL", speed_m_s)
+            evil = self.insider.temporary_id
+            answer = Answer(own, message.sender_id, message.sequence, evil, speed_m_s)
             yield self.insider.signed(answer, now)
+
+
+class MimicryBadlyRead(Mimicry):
+    """The same where cameras read plates badly."""
+
+    plate: ClassVar[float] = BADLY_READ
 
 
 class MimicryUnread(Mimicry):
     """The same where no camera reads a plate."""
 
-    reads_plates: ClassVar[bool] = False
+    plate: ClassVar[float] = NOT_READ
+
+
+class SilentMimicry(Mimicry):
+    """Sends these BSMs and answers nobody, where cameras read plates badly."""
+
+    plate: ClassVar[float] = BADLY_READ
+
+    @override
+    def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
+        """Answer nothing."""
+        yield from ()
+
+
+class BadlyRead(Imposture):
+    """No attack, where cameras read plates badly."""
+
+    plate: ClassVar[float] = BADLY_READ
+
+
+class Unread(Imposture):
+    """No attack, where no camera reads a plate."""
+
+    plate: ClassVar[float] = NOT_READ
 
 
 class Replay(Imposture):
@@ -175,6 +219,17 @@ class OtherEpochs(Imposture):
             lead = self.plates.car_id(LEADER, now)
             warn = replace(braking(own, lead, number), event_origin_id=own)
             yield self.insider.signed(warn, now, proved_at=now + later_s)
+
+
+class ForgedTests(Imposture):
+    """Tests a brake button without end."""
+
+    @override
+    def sends(self, now: float) -> Iterator[bytes]:
+        """Send a test of its own as a member ahead."""
+        own, lead = self.insider.own_id(now), self.plates.car_id(LEADER, now)
+        test = replace(braking(own, lead, round(now / STEP_S)), cause=WarnCause.TEST)
+        yield self.insider.signed(replace(test, event_origin_id=own), now)
 
 
 class StatementFlood(Imposture):

@@ -3,6 +3,7 @@
 The forged messages are signed, name the group's leader, and use its next event sequence numbers.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -32,8 +33,6 @@ from sim_rig.studies.attacks.attacked_group import (
 
 NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
-JOINED_S = 3.0
-"""In which the group forms, before the attack."""
 BRAKING_MESSAGES, PERIOD_MESSAGES = 20, 80
 """Of one invented braking, and until the next one, under the next pseudonym: the alarm has ended by
 then."""
@@ -59,7 +58,7 @@ def run_group(
     checks: bool,
     pseudonyms: int = 1,
 ) -> AttackCounts:
-    """Let the leader brake every `BRAKES_EVERY_S` under attack.
+    """Let a group form and its leader brake every `BRAKES_EVERY_S`, under attack from the start.
 
     Args:
         forgery: what the insiders send.
@@ -80,7 +79,6 @@ def run_group(
     services = {psid.BSM, psid.LCCA}
     keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=pseudonyms, plates=plates)
     group = AttackedGroup(keys, utc_s, rngs, checks=checks)
-    group.drive(JOINED_S)
     signers = [GroupInsider(name, digest, keys[name], utc_s) for name in names]
     return brake_under_attack(
         group, [partial(_forged, group, signer, forgery) for signer in signers], seconds, rng
@@ -90,7 +88,7 @@ def run_group(
 def brake_under_attack(
     group: AttackedGroup, senders: Sequence[Sender], seconds: float, rng: np.random.Generator
 ) -> AttackCounts:
-    """Let the leader of a group that has formed brake every `BRAKES_EVERY_S`.
+    """Let a group form, and its leader brake every `BRAKES_EVERY_S`.
 
     Args:
         group: the vehicles.
@@ -99,7 +97,8 @@ def brake_under_attack(
         rng: draws the times of the brakings.
 
     Returns:
-        What the followers were warned of, and whom they ignore.
+        What the followers were warned of, whom they took for the vehicle ahead, and whom they
+        ignore.
     """
     group.drive(QUIET_S, senders)
     brakings_at = []
@@ -114,7 +113,18 @@ def brake_under_attack(
         ignored=len(group.ignored()),
         true_alarms=len(brakings_at) * len(FOLLOWERS),
         true_missed=sum(missed),
+        identified_s=_identified_s(group),
+        wrong_leads=sum(not is_right for plate in FOLLOWERS for _, is_right in group.leads(plate)),
     )
+
+
+def _identified_s(group: AttackedGroup) -> float | None:
+    """Return when the last follower had identified the vehicle ahead of it; `None`: never."""
+    found_s = [
+        min((at_s for at_s, is_right in group.leads(plate) if is_right), default=math.inf)
+        for plate in FOLLOWERS
+    ]
+    return round(max(found_s), 2) if max(found_s) < math.inf else None
 
 
 def _count_alarms(
@@ -166,6 +176,11 @@ class GroupInsider:
             )
         ]
 
+    @property
+    def temporary_id(self) -> bytes:
+        """Of its BSMs."""
+        return self._radios[0][0].temporary_id
+
     def masked(self, reply: Reply, now: float) -> GroupMessage:
         """Return an own reply as it is sent: only who reads the plate knows the next ID in it."""
         return self._epoch_ids.to_send(reply, self._utc_s + now)
@@ -205,8 +220,9 @@ def _forged(
 ) -> Iterator[bytes]:
     """Yield what one insider sends at a time."""
     own, sent = insider.own_id(now), round(now / STEP_S)
-    for message in forgery(own, group.leader_ids[-1], group.newest, sent):
-        yield insider.signed(message, now)
+    for leader in group.leader_ids[-1:]:
+        for message in forgery(own, leader, group.newest, sent):
+            yield insider.signed(message, now)
 
 
 def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> Warn:

@@ -37,18 +37,17 @@ from sim_rig.studies.attacks.attacked_group import (
     DIGEST,
     LEADER,
     PLATES,
+    READ,
     AttackedGroup,
-    Listener,
 )
 from sim_rig.studies.attacks.group_attacks import (
     BRAKING_MESSAGES,
-    JOINED_S,
     PERIOD_MESSAGES,
     GroupInsider,
     brake_under_attack,
 )
 
-CHANGE_S = 20.0
+CHANGE_S = 46.0
 """From the start until all IDs change."""
 ELSEWHERE = "DDD4"
 """Plate of an honest vehicle in another lane, in radio range."""
@@ -59,8 +58,8 @@ class Imposture:
 
     reach: ClassVar[int] = len(PLATES)
     """Vehicles ahead and behind that a vehicle of the group receives; insiders reach all."""
-    reads_plates: ClassVar[bool] = True
-    """Whether the cameras do."""
+    plate: ClassVar[float] = READ
+    """Probability of the text that cameras read on the plate ahead."""
     leads: ClassVar[bool] = False
     """Whether the first insider drives ahead of the group."""
 
@@ -99,7 +98,8 @@ class Hijack(Imposture):
         """Answer before the leader does."""
         if isinstance(message, Inquiry):
             lead = self.plates.car_id(LEADER, now)
-            answer = Answer(lead, message.sender_id, message.sequence, b"EVIL", SPEED_M_S)
+            evil = self.insider.temporary_id
+            answer = Answer(lead, message.sender_id, message.sequence, evil, SPEED_M_S)
             yield self.insider.signed(answer, now)
 
     @override
@@ -171,7 +171,7 @@ def run_imposture(
     *,
     checks: bool,
 ) -> AttackCounts:
-    """Let the leader brake every `BRAKES_EVERY_S` under attack.
+    """Let a group form and its leader brake every `BRAKES_EVERY_S`, under attack from the start.
 
     Args:
         kind: what the insiders do.
@@ -203,7 +203,7 @@ def run_imposture(
         rngs,
         checks=checks,
         reach=kind.reach,
-        reads_plates=kind.reads_plates,
+        plate=kind.plate,
         ahead=names[0] if kind.leads else None,
     )
     known = Plates(utc_s, digest, GroupInsider(ELSEWHERE, digest, keys[ELSEWHERE], utc_s))
@@ -211,10 +211,7 @@ def run_imposture(
         kind(GroupInsider(name, digest, keys[name], utc_s), group, known) for name in names
     ]
     answered = _AnswersCounted(attackers)
-    listeners: list[Listener] = [*(each.answers for each in attackers), answered.receive]
-    group.listeners = listeners if kind.leads else []
-    group.drive(JOINED_S)
-    group.listeners = listeners
+    group.listeners = [*(each.answers for each in attackers), answered.receive]
     senders = [each.sends for each in attackers]
     counts = brake_under_attack(group, senders, seconds, rng)
     honest = {
@@ -223,7 +220,7 @@ def run_imposture(
     return replace(
         counts,
         honest_ignored=len(group.ignored() & honest),
-        answers_per_s=round(answered.count / (group.now - JOINED_S), 2),
+        answers_per_s=round(answered.count / group.now, 2),
     )
 
 

@@ -110,13 +110,26 @@ def test_a_red_light_that_a_vehicle_shows_is_none() -> None:
     assert (counts.true_alarms, counts.true_missed, counts.false_alarms) == (1, 0, 0)
 
 
-FALSE_ALARMS = dict.fromkeys(IMPOSTURES, 0) | {AttackKind.FRAMING: 3}
+FALSE_ALARMS = dict.fromkeys(IMPOSTURES, 0) | {AttackKind.FRAMING: 3, AttackKind.TESTS: 3}
+UNREAD = {AttackKind.NONE_UNREAD, AttackKind.MIMICRY_UNREAD}
+
+
+IDENTIFIED_S = 0.2
+"""Until a follower knows the vehicle ahead without an attack."""
+
+
+def test_without_an_attack_the_vehicles_ahead_are_soon_known() -> None:
+    counts = run_imposture(
+        IMPOSTURES[AttackKind.NONE_BADLY_READ], (1,), START_UTC_S, QUIET_S, 1, checks=True
+    )
+
+    assert (counts.identified_s, counts.wrong_leads) == (IDENTIFIED_S, 0)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("attack", "false_alarms"),
-    [each for each in FALSE_ALARMS.items() if each[0] is not AttackKind.MIMICRY_UNREAD],
+    [each for each in FALSE_ALARMS.items() if each[0] not in UNREAD],
 )
 def test_who_speaks_for_others_silences_nothing_and_has_nobody_charged(
     tmp_path: Path, attack: AttackKind, false_alarms: int
@@ -128,7 +141,8 @@ def test_who_speaks_for_others_silences_nothing_and_has_nobody_charged(
     assert STUDY.write(tmp_path, impostures, Workers()).endswith("0 of 4 true alarms missed")
     (row,) = csv.DictReader((tmp_path / "table.csv").read_text().splitlines())
     assert int(row["false_alarms"]) == false_alarms
-    assert row["honest_ignored"] == "0"
+    assert row["honest_ignored"] == row["wrong_leads"] == "0"
+    assert float(row["identified_s"]) <= IDENTIFIED_S + 1.0
 
 
 @pytest.mark.long
