@@ -41,7 +41,7 @@ QUIET_S = 35.0
 BRAKES_EVERY_S = 10.0
 """In the meantime, the vehicles regain the speed that they lost."""
 LATEST_S = 1.0
-"""After the start of a braking; a warning that was not on until then is missed."""
+"""After the start of a braking, while it lasts; it is missed if no warning of it is on then."""
 
 GroupForgery = Callable[[CarId, CarId, int, int], Iterator[LccaMessage]]
 """Messages that are forged at once: by the insider's and the leader's ID, the leader's newest event
@@ -140,10 +140,8 @@ def _count_alarms(
 
 
 def _is_on(warned: Sequence[Warned], braked_at: float) -> bool:
-    """Whether one is on in time after the start of a braking."""
-    return any(
-        each.began_at <= braked_at + LATEST_S and each.ended_at > braked_at for each in warned
-    )
+    """Whether one is on in time after the start of a braking, and has not been ended."""
+    return any(each.began_at <= braked_at + LATEST_S < each.ended_at for each in warned)
 
 
 def _is_true(alarm: Warned, group: AttackedGroup, brakings_at: Sequence[float]) -> bool:
