@@ -6,9 +6,10 @@ vehicle.
 
 import difflib
 import json
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, ClassVar, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, SecretStr, ValidationError
@@ -21,6 +22,8 @@ class Settings(BaseModel):
     """Frozen and strict: an unknown key, a wrong type or an impossible value is an error."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    elsewhere: ClassVar[Mapping[str, str]] = {}
+    """What a file is, and which command takes it, by a key that no file of these settings has."""
 
 
 class SettingsError(UserError):
@@ -100,6 +103,9 @@ def load_settings(path: Path, schema: type[SettingsT]) -> SettingsT:
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
     tree = parse_yaml(data, str(path))
+    for key in tree if isinstance(tree, dict) else ():
+        if key in schema.elsewhere:
+            raise SettingsError(f"{path}: {schema.elsewhere[key]} {path}")
     return parse_settings(tree if tree is not None else {}, schema, str(path))
 
 

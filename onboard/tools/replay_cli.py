@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from onboard.errors import UserError
+from onboard.observations import Speed
 from onboard.recorder.reader import RecordedDrive
 from onboard.replay.replay import OTHER_PROCESSOR, play
 from onboard.settings import load_settings
@@ -15,6 +16,10 @@ from onboard.trace.trace_line import as_line
 from onboard.vehicle.config import CarConfig
 
 _RAW_OPTIONS = "--can, --clip, --gnss and --pcap"
+_NO_SPEED = (
+    "holds no answer of OBD-II to a request for the speed; if the vehicle sends it by itself, name"
+    " its DBC file and signals in a configuration (obd.broadcast), and give that with --config"
+)
 
 
 def replay(
@@ -92,5 +97,9 @@ def replay(
         return
     car = load_settings(config, CarConfig) if config is not None else drive.UNCONFIGURED
     events = drive.replay(raw, car)
+    has_speed = False
     for event in drive.in_real_time(events) if realtime else events:
+        has_speed |= isinstance(event, Speed)
         typer.echo(as_line(event))
+    if can is not None and not has_speed:
+        typer.echo(f"{can}: {_NO_SPEED}", err=True)

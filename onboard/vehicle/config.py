@@ -2,9 +2,9 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
@@ -86,6 +86,10 @@ class TraceSettings(Settings):
 
 class CarConfig(Settings):
     """The whole configuration. Without its section, a sensor, the radio or the page is not used."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "cars": "is a scenario of the rig, not the configuration of a car: sim-rig run"
+    }
 
     seed: int | None = Field(None, ge=0)
     """Seed of all random numbers, including temporary IDs; for tests only, and a different one for

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from itertools import combinations, pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -182,6 +182,10 @@ class ScenarioCar(Settings):
 
 class Scenario(Settings):
     """One scenario."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "car": "is the configuration of a car, not a scenario: onboard run"
+    }
 
     title: Sentence
     seed: int = Field(ge=0)

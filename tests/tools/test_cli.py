@@ -117,6 +117,17 @@ def test_an_edge_that_cannot_be_opened_is_one_line(tmp_path: Path, section: str)
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
+def test_a_can_log_without_speeds_says_what_to_configure(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    log.write_text("(1.0) can0 123#0102\n(3.0) can0 123#0102\n", encoding="ascii")
+
+    result = onboard("replay", "--can", str(log))
+
+    assert result.returncode == 0
+    assert result.stderr.startswith(f"{log}: holds no answer of OBD-II")
+    assert "obd.broadcast" in result.stderr
+
+
 def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
     log = tmp_path / "drive.log"
     log.write_text(

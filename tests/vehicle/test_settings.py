@@ -8,6 +8,7 @@ import pytest
 from pydantic import Field, SecretStr
 
 from onboard.settings import Settings, SettingsError, load_settings
+from onboard.vehicle.config import CarConfig
 
 
 class Colour(StrEnum):
@@ -161,3 +162,16 @@ def test_every_mistake_has_a_line(yaml_file: Path) -> None:
 def test_a_missing_file_is_an_error_that_names_it(yaml_file: Path) -> None:
     with pytest.raises(SettingsError, match=r"cart\.yaml: cannot be read: No such file"):
         load_settings(yaml_file, Cart)
+
+
+def test_a_scenario_that_is_given_as_a_configuration_names_the_command_for_it(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("title: A drive.\ncars: {red: {plate: RD288HX}}\n", encoding="utf-8")
+
+    with pytest.raises(SettingsError) as error:
+        load_settings(path, CarConfig)
+
+    assert str(error.value).endswith(f"sim-rig run {path}")
+    assert "\n" not in str(error.value)

@@ -101,3 +101,8 @@ def test_an_unknown_name_lists_all_scenarios() -> None:
 @pytest.mark.parametrize("name", scenario_names())
 def test_the_scenarios_of_the_rig_have_no_mistake(name: str) -> None:
     assert load_scenario(name).expect
+
+
+def test_a_car_s_configuration_that_is_given_as_a_scenario_names_the_command_for_it() -> None:
+    with pytest.raises(SettingsError, match=r"^[^\n]*: onboard run examples/car.yaml$"):
+        load_scenario("examples/car.yaml")
