@@ -8,7 +8,7 @@ does not react.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -17,41 +17,29 @@ import numpy as np
 from pydantic import Field
 from scipy.stats import chi2
 
-from onboard.detector.object_list import ObjectListReader
 from onboard.errors import UserError
-from onboard.gnss.nmea import NmeaReader
-from onboard.gnss.settings import GnssSettings
-from onboard.kinematics.units import KM_H
-from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.observations import Lead, LeadIdentity, Sensor, Speed
-from onboard.risk.alarm import Alarm, Level
+from onboard.observations import Lead, LeadIdentity, Sensor
 from onboard.risk.fcw import FCW
 from onboard.risk.settings import RiskSettings
-from onboard.security.plate_digest import PlateDigest
-from onboard.security.pseudonyms import Pseudonym
-from onboard.security.settings import PlateDigestSettings
 from onboard.settings import Settings
-from onboard.step import Observation
-from onboard.vehicle.config import CarConfig, CarSettings
 from onboard.vehicle.vehicle import Vehicle
-from sim_rig.cars.gnss_receiver import GnssReceiver
-from sim_rig.cars.vehicle_camera import VehicleCamera
-from sim_rig.cars.vehicle_detector import ExternalDetector
 from sim_rig.roads.recording import STEP_S, Trajectory
-from sim_rig.roads.road import CarState
 from sim_rig.roads.trace_files import read_trace
 from sim_rig.roads.trajectory_drive import TrajectoryDrive
 from sim_rig.scenario.sensor_settings import SENSOR_PROFILES, ReceiverSettings
 from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.alarms.wired_vehicle import (
+    EVERY_S,
+    HEIGHT_M,
+    LENGTH_M,
+    WIDTH_M,
+    WiredVehicle,
+    vehicle,
+    warnings,
+)
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
 
-START_UTC_S = 1_750_000_000.0
-EVERY_S = 0.1
-"""Period of the assessment, and of the samples of the host's speed."""
-SPEED_AGE_S = 0.05
-"""Of a sample of the host's speed."""
 SAME_S = 1.0
-LENGTH_M, WIDTH_M, HEIGHT_M = 4.5, 1.8, 1.5
 STEADY_S = 5.0
 """Time of constant speed before a vehicle brakes."""
 WATCHED_S = 3.0
@@ -236,66 +224,35 @@ class _Follower:
         rng: np.random.Generator,
     ) -> None:
         lead, host = pair
-        self._drives, self._host, self._lead = drives, drives[host], drives[lead]
-        own_rng, sky_rng, camera_rng, vehicle_rng = rng.spawn(4)
-        phases_s = rng.uniform(0.0, EVERY_S, 3)
-        self._receiver = GnssReceiver(
-            settings.receivers, self._host.state, START_UTC_S, own_rng, sky_rng
+        self._lead = drives[lead]
+        self._car = car = WiredVehicle(
+            host,
+            drives,
+            SENSOR_PROFILES[profile],
+            rng,
+            receivers=settings.receivers,
+            risk=settings.risk,
         )
-        camera = VehicleCamera(SENSOR_PROFILES[profile], host, self._cars_at, camera_rng)
-        self._detector = ExternalDetector(camera, phase_s=float(phases_s[0]))
-        self._nmea = NmeaReader(GnssSettings(latency_s=settings.receivers.latency_s))
-        self._objects = ObjectListReader()
-        self._speed_at, self._lead_at = float(phases_s[1]), float(phases_s[2])
-        self._vehicle = _vehicle(
-            settings.risk, {Sensor.POSITION, Sensor.DETECTOR}, self._lead_at, vehicle_rng
-        )
-        self._exact = _vehicle(settings.risk, {Sensor.CAMERA}, self._lead_at, vehicle_rng)
+        self._lead_at = car.assesses_at
+        self._exact = vehicle(host, settings.risk, {Sensor.CAMERA}, self._lead_at, car.rng)
 
     def drive(self, until_s: float) -> tuple[list[float], list[float]]:
         """Return when the vehicle warns, and when the one with exact data does."""
         warned: list[float] = []
         exact: list[float] = []
-        while (now := self._next_at) < until_s:
-            self._read_wires(now)
-            if now >= self._speed_at:
-                self._speed_at += EVERY_S
-                self._receive_speed(now)
+        while (now := min(self._car.get_timer(), self._lead_at)) < until_s:
+            speed = self._car.read_wires(now)
+            if speed is not None:
+                self._exact.receive_observation(speed, now)
             if now >= self._lead_at:
                 self._lead_at += EVERY_S
                 self._exact.receive_observation(self._exact_lead(now), now)
-            warned += _warnings(self._vehicle, now)
-            exact += _warnings(self._exact, now)
+            warned += _warned_s(self._car.vehicle, now)
+            exact += _warned_s(self._exact, now)
         return warned, exact
 
-    @property
-    def _next_at(self) -> float:
-        return min(
-            self._receiver.get_timer(),
-            self._detector.get_timer(),
-            self._speed_at,
-            self._lead_at,
-            self._vehicle.get_timer(),
-        )
-
-    def _read_wires(self, now: float) -> None:
-        if data := self._receiver.bytes_to_send(now):
-            self._nmea.receive_bytes(data, now)
-        if data := self._detector.bytes_to_send(now):
-            self._objects.receive_bytes(data, now)
-        for event in (*iter(self._nmea.next_event, None), *iter(self._objects.next_event, None)):
-            if isinstance(event, Observation):
-                self._vehicle.receive_observation(event, now)
-
-    def _receive_speed(self, now: float) -> None:
-        at_s = now - SPEED_AGE_S
-        speed_m_s = self._host.state(at_s).speed_m_s
-        whole_m_s = math.floor(speed_m_s / KM_H) * KM_H
-        self._vehicle.receive_observation(Speed(at_s, whole_m_s, KM_H, "obd:7E8"), now)
-        self._exact.receive_observation(Speed(at_s, speed_m_s, KM_H, "obd:7E8"), now)
-
     def _exact_lead(self, now: float) -> Lead:
-        host, lead = self._host.state(now), self._lead.state(now)
+        host, lead = self._car.drive.state(now), self._lead.state(now)
         gap_m = lead.x_m - host.x_m - (lead.length_m + host.length_m) / 2.0
         return Lead(
             now,
@@ -304,37 +261,9 @@ class _Follower:
             closing_speed_m_s=host.speed_m_s - lead.speed_m_s,
         )
 
-    def _cars_at(self, at_s: float) -> Mapping[str, CarState]:
-        return {name: drive.state(at_s) for name, drive in self._drives.items()}
 
-
-def _vehicle(
-    risk: RiskSettings, sensors: Collection[Sensor], now: float, rng: np.random.Generator
-) -> Vehicle:
-    """Return a vehicle without a radio that is first assessed at `now`."""
-    config = CarConfig(
-        car=CarSettings(plate="HOST", length_m=LENGTH_M, width_m=WIDTH_M),
-        mvs=MvsSettings(sensing=SensingSettings(camera_ahead_m=LENGTH_M / 2.0)),
-        risk=risk,
-        beacons=False,
-    )
-    return Vehicle(
-        config,
-        {Sensor.SPEED, *sensors},
-        rng,
-        now=now,
-        utc_offset_s=START_UTC_S,
-        pseudonym=Pseudonym(bytes(8), b"host", 0, None, math.inf),
-        digest=PlateDigest(PlateDigestSettings(scrypt_log2_n=1)),  # no plate is read
-    )
-
-
-def _warnings(vehicle: Vehicle, now: float) -> Iterator[float]:
-    if vehicle.get_timer() <= now:
-        vehicle.handle_timer(now)
-    for event in iter(vehicle.next_event, None):
-        if isinstance(event, Alarm) and event.cause == FCW and event.level is Level.WARNING:
-            yield event.stamp_s
+def _warned_s(of: Vehicle, now: float) -> list[float]:
+    return [alarm.stamp_s for alarm in warnings(of, now) if alarm.cause == FCW]
 
 
 STUDY = Study(
