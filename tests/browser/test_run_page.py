@@ -27,7 +27,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def page(browser: Browser, page_file: Path) -> Iterator[Page]:
-    page = browser.new_page()
+    page = browser.new_page(reduced_motion="reduce")
     unexpected: list[str] = []
     page.on("pageerror", lambda error: unexpected.append(str(error)))
     page.on("request", lambda request: unexpected.append(request.url))
@@ -121,7 +121,7 @@ def test_a_scenarios_page_follows_its_cars_until_the_map_is_moved(
 ) -> None:
     run_virtual(load_scenario("shared-detection")).write(tmp_path / "run")
     show_scenario(tmp_path / "run", tmp_path / "run.html")
-    page = browser.new_page()
+    page = browser.new_page(reduced_motion="reduce")
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto((tmp_path / "run.html").as_uri())
@@ -139,4 +139,25 @@ def test_a_scenarios_page_follows_its_cars_until_the_map_is_moved(
     assert page.evaluate("middle") == held
     assert page.inner_text("#status").startswith("8.0 s; ")
     assert errors == []
+    page.close()
+
+
+def test_a_run_plays_by_itself_unless_the_reader_wants_less_motion(
+    browser: Browser, page: Page, page_file: Path
+) -> None:
+    assert page.inner_text("#play") == "Play"
+    lively = browser.new_page()
+    lively.goto(page_file.as_uri())
+    assert lively.inner_text("#play") == "Pause"
+    lively.wait_for_function("at > 0")
+    lively.close()
+
+
+def test_on_a_telephone_the_cars_have_most_of_the_screen(browser: Browser, page_file: Path) -> None:
+    page = browser.new_page(viewport={"width": 360, "height": 640}, reduced_motion="reduce")
+    page.goto(page_file.as_uri())
+    box = page.locator("canvas").bounding_box()
+    assert box is not None
+    assert box["height"] >= 0.5 * 640
+    assert box["y"] + 0.5 * box["height"] <= 640
     page.close()
