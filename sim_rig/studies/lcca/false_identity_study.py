@@ -16,23 +16,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from onboard.lcca.events import CandidateCar, TrackedLead
+from onboard.lcca.events import TrackedLead
 from onboard.lcca.identification import Identification
 from onboard.lcca.position_match import REFERENCE_M
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.settings import Settings
-from onboard.vision.plate_posterior import PlatePosterior
 from sim_rig.cars.camera_view import FPS
-from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
+from sim_rig.studies.lcca.plate_view import PlateView
 from sim_rig.studies.lcca.study_lcca import car_id_of
 
 PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
 CHANGES_A_RUN = 10
-DERIVED_AN_IMAGE = 2
-"""Texts whose IDs are derived between two images, at 34 ms each; the cores know no others."""
 BSM_EVERY = 3
 """Images between two BSMs: 5 Hz at 15 images a second."""
 SPEED_STEP_M_S = 1 / 3.6
@@ -210,8 +207,7 @@ class _Drive:
         rng, settings = self._rng, self._settings
         ahead = int(rng.choice(self._traffic.stream()))
         self._track_id += 1
-        readings, posterior = PlateReadings(rng), PlatePosterior()
-        derived: set[str] = set()
+        plate = PlateView(self._plates[ahead], rng)
         width_px, gap_m = float(rng.uniform(*settings.plate_px)), float(rng.uniform(10.0, 35.0))
         identified_s, wrong_from_s, wrong_s, error_m_s = None, None, 0.0, 0.0
         for image in range(round(settings.seconds * FPS)):
@@ -222,18 +218,9 @@ class _Drive:
             self._host_m_s += (ahead_m_s - self._host_m_s) / FPS
             error_m_s = 0.87 * error_m_s + 0.49 * float(rng.normal(0.0, 0.3))
             self._send_bsms(ahead, now)
-            readings.advance()
-            posterior.update(readings.read(self._plates[ahead], width_px), now)
+            candidates = plate.look(width_px, now)
             own_m_s = round(self._host_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
             self._core.receive_speed(own_m_s, now)
-            likeliest = posterior.candidates()
-            missing = [each.text for each in likeliest if each.text not in derived]
-            derived.update(missing[:DERIVED_AN_IMAGE])
-            candidates = tuple(
-                CandidateCar(each.text, car_id_of(each.text), each.probability)
-                for each in likeliest
-                if each.text in derived
-            )
             closing_m_s = self._host_m_s - ahead_m_s + error_m_s
             if self._insider.is_alike:
                 self._core.receive_offsets({_INSIDER: (gap_m + REFERENCE_M, 0.0, PLACE_SIGMA_M)})
