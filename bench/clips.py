@@ -9,7 +9,7 @@ or unsure ones ahead, in every second to fourth of these frames, and linearly in
 follow from the outlines' width and from the focal length that the lane's markings give. A row is a
 vehicle; `lane` is `own`, `other` or `unsure` (on the line, or the lane's course is not seen), or
 says that the own lane is `free` as far as one sees. Of `night-street` and `barrier-shadow`, where
-only ghosts are judged, six and nine frames were outlined coarsely, to some 10 px. `distance_m` is a
+ghosts are judged, six and sixteen frames were outlined coarsely, to some 10 px. `distance_m` is a
 class, and given for the own lane only.
 """
 
@@ -41,7 +41,8 @@ GHOST_M = 30.0
 """Gap below which a lead without a vehicle is counted as a ghost."""
 ABSURD_S, ABSURD_M_S = 1.0, 40.0
 """Time to collision below which, and closing speed from which, a row is absurd: no clip has a
-collision, or two vehicles that meet."""
+collision, or two vehicles that meet. In `barrier-shadow`, one is a second away when the driver
+swerves around it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ class Detection:
     """Whether a blue band was found at its left end."""
     width_m: float = 0.0
     """Width that `position` assumes, of a plate."""
-    ahead_by_width_m: float | None = None
+    ahead_by_size_m: float | None = None
     """Distance by the width of a vehicle's rear alone, if it is seen whole."""
     positions: Mapping[float, RoadPosition] = field(default_factory=dict)
     """Position for each possible width in m; empty unless it is a plate that is seen whole."""

@@ -7,14 +7,16 @@ ahead is in the lane whatever the markings say.
 
 A false lead is worse than a missed one: only confirmed tracks count, whose detections were where a
 moving body would be and whose box is as wide as a vehicle's at its gap, and a track that is no
-longer observed gives way to an observed one behind it. What stays on its pixels is none. Where
-vehicles are found as such, a plate counts only on one of them. In bends, parked vehicles pass
-through the lane; they are excluded by their sideways speed.
+longer observed gives way to an observed one behind it. One that only optical flow holds gives way
+to one that is found within a vehicle's length: it is the same vehicle. What stays on its pixels is
+none. Where vehicles are found as such, a plate counts only on one of them. In bends, parked
+vehicles pass through the lane; they are excluded by their sideways speed.
 """
 
 import math
 
 from onboard.vision.lane import HostLane
+from onboard.vision.tracker import VEHICLE_LENGTH
 from onboard.vision.vehicle_track import VehicleTrack
 
 ENTER_LANE_WIDTHS, LEAVE_LANE_WIDTHS = 0.35, 0.55
@@ -26,9 +28,9 @@ NEAREST_LANE_WIDTHS = 0.3
 LEAD_SLACK = 4.0
 """Factor on the inconsistency up to which what is in the lane stays a body: with 1, two of 37 leads
 of the labelled clips are lost, with 2, a rendered lead in a drive with darkened frames."""
-WIDTH_RATIOS = 0.6, 1.7
-"""Least and largest width of a vehicle's box at its gap, by the usual width of its kind: a tractor
-taken for a car is 1.4 times as wide, a small car taken for a truck 0.7. Not fitted."""
+SIZE_RATIOS = 0.6, 1.7
+"""Least and largest size of a vehicle's boxes at their gaps, by the usual one of its kind: a
+tractor taken for a car is 1.4 times as wide, a small car taken for a truck 0.7. Not fitted."""
 LANE_CHANGE_M_S2, LATERAL_SIGMAS = 3.5, 1.5
 """Acceleration that crosses one lane in the time ahead for which a vehicle must stay in the lane to
 enter it (1 s on a road), and the sigmas of its lateral speed that are added against entering."""
@@ -61,7 +63,13 @@ class LeadSelector:
         ]
         self._in_lane = {track.track_id for track in inside}
         observed = [track for track in inside if stamp_s - track.observed_at <= MAX_MISSED_S]
-        return min(observed or inside, key=lambda track: track.ahead.position_m, default=None)
+        nearest = min(observed or inside, key=_ahead_m, default=None)
+        if nearest is None or stamp_s - nearest.detected_at <= MAX_MISSED_S:
+            return nearest
+        length_m = VEHICLE_LENGTH * self._lane.shape.width_m + nearest.ahead.position_sigma_m
+        same = (each for each in observed if _ahead_m(each) <= _ahead_m(nearest) + length_m)
+        found = (each for each in same if stamp_s - each.detected_at <= MAX_MISSED_S)
+        return min(found, key=_ahead_m, default=nearest)
 
     def has_candidate(self, tracks: list[VehicleTrack], stamp_s: float) -> bool:
         """Whether a track in the lane may become a lead."""
@@ -83,7 +91,7 @@ class LeadSelector:
             and is_far_enough
             and is_vehicle
             and track.is_consistent(slack)
-            and WIDTH_RATIOS[0] <= track.width_ratio <= WIDTH_RATIOS[1]
+            and SIZE_RATIOS[0] <= track.size_ratio <= SIZE_RATIOS[1]
         )
 
     def _is_inside(self, track: VehicleTrack) -> bool:
@@ -114,3 +122,7 @@ class LeadSelector:
             ahead_m <= NEAR_LANE_WIDTHS * width_m
             and abs(right_m) <= STRAIGHT_AHEAD_LANE_WIDTHS * width_m
         )
+
+
+def _ahead_m(track: VehicleTrack) -> float:
+    return track.ahead.position_m

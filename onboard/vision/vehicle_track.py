@@ -28,7 +28,7 @@ VEHICLE_S = 1.5
 """Time for which a plate counts as on a vehicle after the vehicle was found as such."""
 MAX_INCONSISTENCY, INCONSISTENCY_SHARE = 3.0, 0.3
 """Mean square of the innovations by their sigmas above which a track is of no body that moves, and
-the weight of each detection in that mean."""
+the weight of each detection in that mean, and at least in that of its sizes."""
 SETTLED_SIGMA_M_S = 3.0
 """Sigma of the speed along the road above which nothing is known of it: it starts at 8 m/s, and
 after three detections is what two of them say."""
@@ -71,6 +71,7 @@ class VehicleTrack:
         self._vehicle_at = stamp_s if is_vehicle else -math.inf
         self._vehicles = int(is_vehicle)
         self._inconsistency = 1.0
+        self._log_size_ratio, self._sizes = 0.0, 0
         self.detected_at = stamp_s
         """Time of the last detection."""
         self.observed_at = stamp_s
@@ -124,10 +125,9 @@ class VehicleTrack:
         return self._inconsistency <= slack * MAX_INCONSISTENCY
 
     @property
-    def width_ratio(self) -> float:
-        """Width of the last box at this gap, by that of its kind of vehicle; 1 if it is unknown."""
-        ahead_m = self.last.ahead_by_width_m
-        return 1.0 if ahead_m is None else self.ahead.position_m / ahead_m
+    def size_ratio(self) -> float:
+        """Size of the boxes at their gaps, by that of their kind of vehicle; 1 if it is unknown."""
+        return math.exp(self._log_size_ratio)
 
     @property
     def has_settled(self) -> bool:
@@ -238,6 +238,11 @@ class VehicleTrack:
             detection.position.ahead_m, max(detection.ahead_sigma_m, off_m / MAX_INNOVATION_SIGMAS)
         )
         self.right.update(detection.position.right_m, detection.right_sigma_m)
+        if detection.ahead_by_size_m is not None:
+            self._sizes += 1
+            log_ratio = math.log(self.ahead.position_m / detection.ahead_by_size_m)
+            share = max(INCONSISTENCY_SHARE, 1 / self._sizes)
+            self._log_size_ratio += share * (log_ratio - self._log_size_ratio)
         if stamp_s > self.detected_at:
             self.detections += 1
         if detection.kind is DetectionKind.VEHICLE:

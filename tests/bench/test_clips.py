@@ -68,7 +68,7 @@ def test_the_labels_are_of_six_clips_and_each_frame_states_its_own_lane() -> Non
     clips = labels()
 
     assert len(clips) == 6
-    assert sum(len(each) for each in clips.values()) == 179
+    assert sum(len(each) for each in clips.values()) == 186
     assert all(
         not (frame.is_free and frame.own) for each in clips.values() for frame in each.values()
     )

@@ -10,6 +10,7 @@ from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.lane import HostLane
 from onboard.vision.lead import LeadSelector
 from onboard.vision.perspective import Corners, RoadPosition
+from onboard.vision.plate_formats import PlateFormats
 from onboard.vision.tracker import Tracker
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -194,9 +195,39 @@ def test_a_lead_whose_detections_leap_as_no_body_does_is_none(ahead_m: tuple[flo
 def test_a_vehicle_is_as_wide_as_its_gap_says(by_width_m: float, is_lead: bool) -> None:
     """A box of 26 px held a lead at 6.7 m."""
     road = TrackedRoad()
-    found = replace(found_vehicle(6.7), ahead_by_width_m=by_width_m)
+    found = replace(found_vehicle(6.7), ahead_by_size_m=by_width_m)
 
     assert (road.steps(10, found) is not None) is is_lead
+
+
+def test_one_box_of_another_size_does_not_end_a_lead() -> None:
+    """A lead was unknown in each frame in which its box was a little longer than a rear's."""
+    road = TrackedRoad()
+    usual = replace(found_vehicle(20.0), ahead_by_size_m=20.0)
+    lead = road.steps(10, usual)
+
+    assert road.step(replace(usual, ahead_by_size_m=38.0)) is lead
+
+
+def test_what_only_optical_flow_holds_gives_way_to_the_same_vehicle_that_is_found() -> None:
+    """The flow slid off a lead, whose vehicle was found a car's length beyond."""
+    road = TrackedRoad()
+    held, found = found_vehicle(20.0), found_vehicle(23.0)
+    road.tracker.tracks = [
+        VehicleTrack(n, each, 0.0, PlateFormats()) for n, each in enumerate((held, found))
+    ]
+    slid, track = road.tracker.tracks
+    lead = None
+    for _ in range(10):
+        road.stamp_s += STEP_S
+        for each, seen in ((slid, held), (track, found)):
+            each.predict(road.stamp_s)
+            if each is track or road.stamp_s < 0.45:
+                each.update(seen, road.stamp_s)
+        slid.observed_at = road.stamp_s
+        lead = road.choice.select([slid, track], road.stamp_s)
+
+    assert lead is track
 
 
 def test_a_lead_that_is_missed_is_not_taken_for_the_vehicle_beside_it() -> None:

@@ -10,7 +10,7 @@ from onboard.observations import ImageBox
 from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.settings import CameraSettings
-from onboard.vision.vehicle_detector import WIDTHS_M, VehicleDetector
+from onboard.vision.vehicle_detector import LONG_SHAPE, WIDTHS_M, VehicleDetector
 from onboard.vision.vehicle_finder import VehicleFinder
 from onboard.vision.vehicle_network import VehicleBox, VehicleKind
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
@@ -91,6 +91,17 @@ def test_a_long_box_without_a_known_rear_shows_the_side() -> None:
     assert _detected(side).ahead_sigma_m > _detected(rear).ahead_sigma_m
     assert _detected(rear).position.ahead_m == pytest.approx(20.0, rel=0.02)
     assert _detected(side).position.ahead_m == pytest.approx(20.0, rel=0.15)
+
+
+@pytest.mark.parametrize("kind", [VehicleKind.CAR, VehicleKind.VAN])
+def test_a_box_that_is_hardly_longer_than_a_rear_is_about_as_far(kind: VehicleKind) -> None:
+    """A lead leapt from 16 to 29 m when the height of its box shrank by a pixel."""
+    seen = replace(_vehicle(20.0, kind=kind), end_px=None)
+    rear, longer = (
+        _detected(replace(seen, box=replace(seen.box, h_px=seen.box.w_px / shape)))
+        for shape in (LONG_SHAPE - 0.05, LONG_SHAPE + 0.05)
+    )
+    assert abs(longer.position.ahead_m - rear.position.ahead_m) < 2.0 * rear.ahead_sigma_m
 
 
 def test_width_says_little_at_the_border_of_the_image() -> None:
