@@ -34,16 +34,12 @@ from sim_rig.studies.attacks.forged_messages import (
     BadlyRead,
     ForgedAnswers,
     ForgedJoins,
-    ForgedLeaves,
     ForgedReplies,
     ForgedTests,
-    ForgedUpdates,
     Mimicry,
-    MimicryBadlyRead,
     MimicryUnread,
     NextLeader,
     OtherEpochs,
-    Replay,
     SilentMimicry,
     StatementFlood,
     Unread,
@@ -53,7 +49,6 @@ from sim_rig.studies.attacks.group_attacks import (
     group_brakings,
     group_ends,
     group_levels,
-    group_updates,
 )
 from sim_rig.studies.attacks.impostures import Framing, Hijack, Imposture, Oracle
 
@@ -80,27 +75,21 @@ class AttackKind(StrEnum):
     PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
     SIGNALS = "red lights for true vehicles, by MAP and SPAT"
-    GROUP_UPDATES = "group updates under the leader's next numbers"
     GROUP_ENDS = "ends of the leader's brakings"
     GROUP_EARLY = "brakings of the leader before it brakes"
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
-    GROUP_TURNS = "brakings of invented vehicles, under 20 pseudonyms by turns"
     HIJACK = "answers and warnings in the leader's name"
     FRAMING = "true brakings elsewhere, and old ones, passed on"
-    REPLAY = "true brakings of the leader, passed on again and again"
-    JOINS = "joins, with acknowledgements for the group"
+    JOINS = "acknowledgements of what others have yet to receive"
     REPLIES = "replies to the joins of others"
-    LEAVES = "leaves in its own name"
-    UPDATES = "updates that name it as the leader"
-    ANSWERS = "answers for others under its own ID"
+    ANSWERS = "BSMs from there under the leader's temporary ID, plates badly read"
     NEXT_LEADER = "a leader whose next ID is that of a member"
     OTHER_EPOCHS = "brakings under IDs of other epochs"
-    STATEMENTS = "100 statements of brakings a second"
+    STATEMENTS = "256 statements of brakings at each of the leader's"
     NONE_IN_GROUP = "none"
     NONE_BADLY_READ = "none, plates badly read"
     NONE_UNREAD = "none, plates not read"
     TESTS = "tests of the brake button"
-    MIMICRY = "BSMs from the leader's place"
     MIMICRY_BADLY_READ = "BSMs from the leader's place, plates badly read"
     SILENT_MIMICRY = "BSMs from there and no answer, plates badly read"
     MIMICRY_UNREAD = "BSMs from the leader's place, plates not read"
@@ -158,11 +147,15 @@ def run_host(
 
 
 def _notices_s(host: AttackedHost) -> dict[str, float]:
-    """Return how long before the end of its period each vehicle was first warned of."""
+    """Return how long before the end of its period each vehicle was first warned of.
+
+    The period ends at the conflict: an alarm of it, or after it, is none.
+    """
     notices_s: dict[str, float] = {}
     for event in host.events:
-        if isinstance(event, Alarm) and event.level is Level.WARNING:
-            notices_s.setdefault(claimed_id(event), TRUE_EVERY_S - event.stamp_s % TRUE_EVERY_S)
+        left_s = TRUE_EVERY_S - event.stamp_s % TRUE_EVERY_S
+        if isinstance(event, Alarm) and event.level is Level.WARNING and left_s <= PASS_S:
+            notices_s.setdefault(claimed_id(event), left_s)
     return notices_s
 
 
@@ -297,21 +290,16 @@ CLAIMS: dict[AttackKind, Claims] = {
 VEHICLES_UNDER_EACH = {AttackKind.TURNS: 1, AttackKind.PSEUDONYMS: 3}
 """How many crossing vehicles each pseudonym claims, one after the other."""
 FORGERIES = {
-    AttackKind.GROUP_UPDATES: group_updates,
     AttackKind.GROUP_ENDS: group_ends,
     AttackKind.GROUP_EARLY: group_levels,
     AttackKind.GROUP_BRAKINGS: group_brakings,
-    AttackKind.GROUP_TURNS: group_brakings,
 }
 """What is forged in a warning group."""
 IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.HIJACK: Hijack,
     AttackKind.FRAMING: Framing,
-    AttackKind.REPLAY: Replay,
     AttackKind.JOINS: ForgedJoins,
     AttackKind.REPLIES: ForgedReplies,
-    AttackKind.LEAVES: ForgedLeaves,
-    AttackKind.UPDATES: ForgedUpdates,
     AttackKind.ANSWERS: ForgedAnswers,
     AttackKind.NEXT_LEADER: NextLeader,
     AttackKind.OTHER_EPOCHS: OtherEpochs,
@@ -320,8 +308,7 @@ IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.NONE_IN_GROUP: Imposture,
     AttackKind.NONE_BADLY_READ: BadlyRead,
     AttackKind.NONE_UNREAD: Unread,
-    AttackKind.MIMICRY: Mimicry,
-    AttackKind.MIMICRY_BADLY_READ: MimicryBadlyRead,
+    AttackKind.MIMICRY_BADLY_READ: Mimicry,
     AttackKind.SILENT_MIMICRY: SilentMimicry,
     AttackKind.MIMICRY_UNREAD: MimicryUnread,
     AttackKind.ORACLE: Oracle,

@@ -14,7 +14,6 @@ from pydantic import Field
 
 from onboard.settings import Settings
 from sim_rig.scenario.setting_types import Several
-from sim_rig.studies.attacks.attack_world import PSEUDONYMS
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     FORGERIES,
@@ -126,10 +125,7 @@ def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
     seed, seconds = (settings.seed, case.number), settings.seconds
     if case.attack in FORGERIES:
         forgery = FORGERIES[case.attack]
-        pseudonyms = PSEUDONYMS if case.attack is AttackKind.GROUP_TURNS else 1
-        counts = run_group(
-            forgery, seed, START_UTC_S, seconds, insiders, checks=checked, pseudonyms=pseudonyms
-        )
+        counts = run_group(forgery, seed, START_UTC_S, seconds, insiders, checks=checked)
     elif case.attack in IMPOSTURES:
         imposture = IMPOSTURES[case.attack]
         counts = run_imposture(imposture, seed, START_UTC_S, seconds, insiders, checks=checked)

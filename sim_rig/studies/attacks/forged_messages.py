@@ -11,48 +11,55 @@ from typing import ClassVar
 from typing_extensions import override
 
 from onboard.messages.lcca import (
+    NO_ID,
     Answer,
+    CarId,
     Inquiry,
     Join,
     LccaMessage,
-    Leave,
-    LeaveReason,
     Reply,
-    Update,
     Warn,
     WarnCause,
 )
+from onboard.vehicle.lcca_link import MAX_STATEMENTS
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S
 from sim_rig.studies.attacks.attacked_group import (
     BADLY_READ,
     FOLLOWERS,
     LEADER,
     NOT_READ,
-    PLATES,
-    AttackedGroup,
 )
-from sim_rig.studies.attacks.group_attacks import BRAKING_MESSAGES, PERIOD_MESSAGES, GroupInsider
-from sim_rig.studies.attacks.impostures import Imposture, Plates, braking
+from sim_rig.studies.attacks.group_attacks import BRAKING_MESSAGES, PERIOD_MESSAGES
+from sim_rig.studies.attacks.impostures import Imposture, braking
 
 EPOCH_S = 300.0
 """From one ID of a vehicle to the next."""
-FLOOD_MESSAGES = 10
-"""Statements of one insider in `STEP_S`: 100 a second."""
 
 
 class ForgedJoins(Imposture):
-    """Joins each vehicle, and acknowledges what the leader will send next."""
+    """Joins behind the first follower, and acknowledges at once what others have yet to receive.
+
+    The leader takes it for a vehicle in its reach, so all wait for it to repeat a warning.
+    """
+
+    reach: ClassVar[int] = 1
 
     @override
     def sends(self, now: float) -> Iterator[bytes]:
-        """Join all of them."""
-        own, lead = self.insider.own_id(now), self.plates.car_id(LEADER, now)
+        """Stay a follower."""
+        yield self._join(self.insider.own_id(now), NO_ID, 0, now)
+
+    @override
+    def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
+        """Acknowledge each warning of the leader, in its own name and in the last vehicle's."""
+        if isinstance(message, Warn) and message.is_direct:
+            for joins in (self.insider.own_id(now), self.plates.car_id(FOLLOWERS[-1], now)):
+                yield self._join(joins, message.event_origin_id, message.event_sequence, now)
+
+    def _join(self, joins: CarId, origin: CarId, number: int, now: float) -> bytes:
+        lead, joined = (self.plates.car_id(plate, now) for plate in (LEADER, FOLLOWERS[0]))
         sequence = round(now / STEP_S) % (1 << 16)
-        for number, plate in enumerate(PLATES, start=1):
-            joined = self.plates.car_id(plate, now)
-            newest = (self.group.newest + 1) % (1 << 16)
-            join = Join(own, lead, number + 1, joined, sequence, lead, newest)
-            yield self.insider.signed(join, now)
+        return self.insider.signed(Join(joins, lead, 3, joined, sequence, origin, number), now)
 
 
 class ForgedReplies(Imposture):
@@ -66,46 +73,6 @@ class ForgedReplies(Imposture):
             yield self.insider.signed(
                 Reply(own, own, 1, follower, message.sequence, 9, SPEED_M_S, follower), now
             )
-
-
-class ForgedLeaves(Imposture):
-    """Leaves each vehicle, in the own name."""
-
-    @override
-    def sends(self, now: float) -> Iterator[bytes]:
-        """Leave all of them."""
-        own, lead = self.insider.own_id(now), self.plates.car_id(LEADER, now)
-        for plate in PLATES:
-            left = self.plates.car_id(plate, now)
-            yield self.insider.signed(Leave(own, lead, 2, left, LeaveReason.GAP), now)
-
-
-class ForgedUpdates(Imposture):
-    """Tells the group that the insider leads it now."""
-
-    @override
-    def sends(self, now: float) -> Iterator[bytes]:
-        """Send an update in the own name, which nobody follows."""
-        own, sequence = self.insider.own_id(now), round(now / STEP_S) % (1 << 16)
-        yield self.insider.signed(Update(own, own, 1, sequence), now)
-
-
-class ForgedAnswers(Imposture):
-    """Answers each inquiry under its own ID, with its temporary ID and that of the leader."""
-
-    @override
-    def sends(self, now: float) -> Iterator[bytes]:
-        """Send a BSM from beside the group."""
-        yield self.insider.bsm_at((4.0, self.group.way_m), (0.0, self.group.speed_m_s), now)
-
-    @override
-    def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
-        """Answer before others do."""
-        if isinstance(message, Inquiry):
-            own = self.insider.own_id(now)
-            for temporary_id in (self.insider.temporary_id, self.group.temporary_id):
-                answer = Answer(own, message.sender_id, message.sequence, temporary_id, SPEED_M_S)
-                yield self.insider.signed(answer, now)
 
 
 class NextLeader(Imposture):
@@ -128,28 +95,42 @@ class NextLeader(Imposture):
 
 
 class Mimicry(Imposture):
-    """Sends BSMs with the leader's place and speed, and answers for those places."""
+    """Sends BSMs with the leader's place and speed, and answers for those places.
+
+    Cameras read plates badly. Where they read them well, no motion weighs against them.
+    """
+
+    plate: ClassVar[float] = BADLY_READ
+
+    @property
+    def temporary_id(self) -> bytes:
+        """Of its BSMs."""
+        return self.insider.temporary_id
 
     @override
     def sends(self, now: float) -> Iterator[bytes]:
         """Send a BSM from where the leader is."""
         place_m = 0.0, self.group.way_m
-        yield self.insider.bsm_at(place_m, (0.0, self.group.speed_m_s), now)
+        velocity_m_s = 0.0, self.group.speed_m_s
+        yield self.insider.bsm_at(place_m, velocity_m_s, now, temporary_id=self.temporary_id)
 
     @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
         """Answer under its own ID, which it proves."""
         if isinstance(message, Inquiry):
             own, speed_m_s = self.insider.own_id(now), self.group.speed_m_s
-            evil = self.insider.temporary_id
-            answer = Answer(own, message.sender_id, message.sequence, evil, speed_m_s)
-            yield self.insider.signed(answer, now)
+            asked = message.sender_id, message.sequence
+            yield self.insider.signed(Answer(own, *asked, self.temporary_id, speed_m_s), now)
 
 
-class MimicryBadlyRead(Mimicry):
-    """The same where cameras read plates badly."""
+class ForgedAnswers(Mimicry):
+    """The same under the leader's temporary ID."""
 
-    plate: ClassVar[float] = BADLY_READ
+    @property
+    @override
+    def temporary_id(self) -> bytes:
+        """Of the leader's BSMs."""
+        return self.group.temporary_id
 
 
 class MimicryUnread(Mimicry):
@@ -159,9 +140,7 @@ class MimicryUnread(Mimicry):
 
 
 class SilentMimicry(Mimicry):
-    """Sends these BSMs and answers nobody, where cameras read plates badly."""
-
-    plate: ClassVar[float] = BADLY_READ
+    """Sends these BSMs and answers nobody."""
 
     @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
@@ -179,31 +158,6 @@ class Unread(Imposture):
     """No attack, where no camera reads a plate."""
 
     plate: ClassVar[float] = NOT_READ
-
-
-class Replay(Imposture):
-    """Passes on each warning of the leader again and again, as fresh ones."""
-
-    reach: ClassVar[int] = 1
-
-    def __init__(self, insider: GroupInsider, group: AttackedGroup, plates: Plates) -> None:
-        super().__init__(insider, group, plates)
-        self._received: list[tuple[Warn, bytes]] = []
-
-    @override
-    def answers(self, message: LccaMessage, secured: bytes, _now: float) -> Iterator[bytes]:
-        """Keep what the leader signs."""
-        if isinstance(message, Warn) and message.is_direct:
-            self._received = [*self._received[-9:], (message, secured)]
-        yield from ()
-
-    @override
-    def sends(self, now: float) -> Iterator[bytes]:
-        """Pass on the last ten."""
-        own, lead = self.insider.own_id(now), self.plates.car_id(LEADER, now)
-        for warn, secured in self._received:
-            copy = replace(warn, sender_id=own, leader_id=lead, hops=2, age_s=0.01)
-            yield self.insider.signed(copy, now, secured)
 
 
 class OtherEpochs(Imposture):
@@ -233,14 +187,14 @@ class ForgedTests(Imposture):
 
 
 class StatementFlood(Imposture):
-    """States brakings of its own vehicle without end, where copies need what was stated."""
+    """States many brakings of its own vehicle at each of the leader, before that is passed on."""
 
     reach: ClassVar[int] = 1
 
     @override
-    def sends(self, now: float) -> Iterator[bytes]:
-        """State `FLOOD_MESSAGES` of them."""
-        own = self.insider.own_id(now)
-        first = FLOOD_MESSAGES * round(now / STEP_S)
-        for number in range(first, first + FLOOD_MESSAGES):
-            yield self.insider.signed(braking(own, own, number), now)
+    def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
+        """State as many as a vehicle keeps."""
+        if isinstance(message, Warn) and message.is_direct:
+            own = self.insider.own_id(now)
+            for number in range(MAX_STATEMENTS):
+                yield self.insider.signed(braking(own, own, number), now)

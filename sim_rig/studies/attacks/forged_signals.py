@@ -33,8 +33,9 @@ from sim_rig.roads.earth import ORIGIN_HEIGHT_M
 from sim_rig.studies.attacks.attack_world import AttackedHost, Place, Signer, placed
 
 LANE_M, LANE_WIDTH_M = 200.0, 3.5
-STOP_LINE_M = -4.0
-"""East of the host's path, on the lane of the vehicles that cross."""
+STOP_LINE_M = 30.0
+"""East of the host's path, on the lane of the vehicles that cross: until they have crossed it, they
+could stop comfortably."""
 RED_FOR_S = 30.0
 _STRAIGHT = AllowedManeuvers.STRAIGHT
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.lcca.epoch_ids import EpochIds
 from onboard.messages import lcca
-from onboard.messages.lcca import CarId, GroupMessage, LccaMessage, Reply, Update, Warn, WarnCause
+from onboard.messages.lcca import CarId, GroupMessage, LccaMessage, Reply, Warn, WarnCause
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.security.plate_digest import PlateDigest
@@ -34,8 +34,7 @@ from sim_rig.studies.attacks.attacked_group import (
 NUMBERS = 2
 """Event sequence numbers ahead of the leader's that are forged at once."""
 BRAKING_MESSAGES, PERIOD_MESSAGES = 20, 80
-"""Of one invented braking, and until the next one, under the next pseudonym: the alarm has ended by
-then."""
+"""Of one invented braking, and until the next one: the alarm has ended by then."""
 QUIET_S = 35.0
 """Of the attack, before the first braking: a slowing ahead would confirm what insiders invent."""
 BRAKES_EVERY_S = 10.0
@@ -56,7 +55,6 @@ def run_group(
     insiders: int,
     *,
     checks: bool,
-    pseudonyms: int = 1,
 ) -> AttackCounts:
     """Let a group form and its leader brake every `BRAKES_EVERY_S`, under attack from the start.
 
@@ -67,7 +65,6 @@ def run_group(
         seconds: duration of the attack, of which `QUIET_S` are without a braking.
         insiders: their number.
         checks: whether the vehicles check brakings and claims.
-        pseudonyms: of each insider, which signs with one after the other.
 
     Returns:
         What is counted in the run.
@@ -77,7 +74,7 @@ def run_group(
     digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
     plates = {plate: KnownPlate(plate, digest) for plate in (*PLATES, *names)}
     services = {psid.BSM, psid.LCCA}
-    keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=pseudonyms, plates=plates)
+    keys = make_trial(plates, services, utc_s, key_from(rng), pseudonyms=1, plates=plates)
     group = AttackedGroup(keys, utc_s, rngs, checks=checks)
     signers = [GroupInsider(name, digest, keys[name], utc_s) for name in names]
     return brake_under_attack(
@@ -160,24 +157,18 @@ class GroupInsider:
         Args:
             plate: of its vehicle.
             digest: of the trial.
-            keys: its certificates, each used for `PERIOD_MESSAGES` messages.
+            keys: its certificate.
             utc_s: seconds since 1970.
         """
         self._utc_s = utc_s
         self._epoch_ids = EpochIds(digest, plate)
-        self._radios = [
-            (Signer(one, utc_s, plate[-4:].encode()), Pseudonyms(plate, digest, one, rng))
-            for one, rng in zip(
-                (replace(keys, pseudonyms=(each,)) for each in keys.pseudonyms),
-                np.random.default_rng(1).spawn(len(keys.pseudonyms)),
-                strict=True,
-            )
-        ]
+        self._signer = Signer(keys, utc_s, plate[-4:].encode())
+        self._pseudonyms = Pseudonyms(plate, digest, keys, np.random.default_rng(1))
 
     @property
     def temporary_id(self) -> bytes:
         """Of its BSMs."""
-        return self._radios[0][0].temporary_id
+        return self._signer.temporary_id
 
     def masked(self, reply: Reply, now: float) -> GroupMessage:
         """Return an own reply as it is sent: only who reads the plate knows the next ID in it."""
@@ -185,11 +176,18 @@ class GroupInsider:
 
     def own_id(self, now: float) -> CarId:
         """Return the communication ID of its vehicle."""
-        return self._radios[0][1].at(self._utc_s + now).car_id
+        return self._pseudonyms.at(self._utc_s + now).car_id
 
-    def bsm_at(self, place_m: Place, velocity_m_s: tuple[float, float], now: float) -> bytes:
+    def bsm_at(
+        self,
+        place_m: Place,
+        velocity_m_s: tuple[float, float],
+        now: float,
+        *,
+        temporary_id: bytes | None = None,
+    ) -> bytes:
         """Return a signed BSM; see `Signer.bsm_at`."""
-        return self._radios[0][0].bsm_at(place_m, velocity_m_s, now)
+        return self._signer.bsm_at(place_m, velocity_m_s, now, temporary_id=temporary_id)
 
     def signed(
         self,
@@ -207,10 +205,8 @@ class GroupInsider:
             origin: of a warning that it repeats, what the braking vehicle signed.
             proved_at: time at which the ID is the own one; now, if not given.
         """
-        turn = round(now / STEP_S) // PERIOD_MESSAGES
-        signer, pseudonyms = self._radios[turn % len(self._radios)]
-        proof = pseudonyms.at(self._utc_s + (now if proved_at is None else proved_at)).proof
-        return signer.signed(lcca.encode(message, proof, origin), psid.LCCA, now)
+        proof = self._pseudonyms.at(self._utc_s + (now if proved_at is None else proved_at)).proof
+        return self._signer.signed(lcca.encode(message, proof, origin), psid.LCCA, now)
 
 
 def _forged(
@@ -230,12 +226,6 @@ def _braking(own: CarId, leader: CarId, sequence: int, **changes: object) -> War
         own, leader, 1, leader, sequence, 5, 1, sequence, WarnCause.DECELERATION, 8.0, 0.01, 1
     )
     return replace(warn, **changes)  # type: ignore[arg-type]
-
-
-def group_updates(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:
-    """Updates that move the leader's followers far behind it, and to another group."""
-    for other in (leader, own):
-        yield Update(own, other, 60, newest % (1 << 16))
 
 
 def group_ends(own: CarId, leader: CarId, newest: int, _sent: int) -> Iterator[LccaMessage]:

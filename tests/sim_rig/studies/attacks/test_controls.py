@@ -1,102 +1,173 @@
-"""Attacks that the study finds harmless harm without the rule that stops them.
+"""What each attack does once the checks that stop it are away: it proves nothing unless it bites.
 
-Those that are not here harm without checks in the study itself, or several rules stop them: ends,
-updates and brakings that are passed on again. Joins, leaves, replies and statements in the own name
-are the kinds of messages that nothing else forges.
+A control takes only these checks out of the vehicles, for one run.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import pytest
 
 from onboard.brake_request.brake_requester import BrakeRequester
-from onboard.lcca import identity_posterior
-from onboard.lcca.adjacent_ids import AdjacentIds
-from onboard.lcca.asking import AnswerLimit
+from onboard.errors import DecodeError
+from onboard.lcca import acceptance, asking, group, identification, identity_posterior
+from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
+from onboard.lcca.membership import Membership
+from onboard.messages import lcca
+from onboard.messages.lcca import LccaMessage, Warn
+from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
-from onboard.vehicle import lcca_application
-from onboard.vehicle.lcca_link import LccaLink, RefusalError
-from sim_rig.studies.attacks.attacks import AttackKind
-from sim_rig.studies.attacks.attacks_study import STUDY, AttackRow, AttacksSettings
+from onboard.vehicle.lcca_link import LccaLink
+from onboard.vehicle.risk_response import RiskResponse
+from sim_rig.studies.attacks.attack_counts import AttackCounts
+from sim_rig.studies.attacks.attacks import (
+    BRAKE_CLAIMS,
+    FORGERIES,
+    IMPOSTURES,
+    START_UTC_S,
+    AttackKind,
+    run_host,
+)
+from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
+from sim_rig.studies.attacks.group_attacks import BRAKES_EVERY_S, QUIET_S, run_group
+from sim_rig.studies.attacks.impostures import run_imposture
 
-pytestmark = pytest.mark.long
-
-
-@dataclass(frozen=True)
-class Control:
-    """One rule that an attack is stopped by."""
-
-    attack: AttackKind
-    take_away: Callable[[pytest.MonkeyPatch], None]
-    harms: Callable[[AttackRow], bool]
-    seconds: float = 55.0
-
-
-def believe_next_leader(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(AdjacentIds, "receive_next_leader", AdjacentIds.receive_next)
+Check = tuple[object, str, object]
+"""A part, its attribute that checks, and what is there instead."""
+_warn_refusal = acceptance.warn_refusal
 
 
-def believe_copies(patch: pytest.MonkeyPatch) -> None:
-    """Take a copy for what its braking vehicle has stated."""
-    received = LccaLink.receive_pdu
+class Control(NamedTuple):
+    """What stops an attack, and what it does else."""
 
-    def receive_pdu(link: LccaLink, pdu: Any, opened: Any, place: Any, now: float) -> Any:
-        try:
-            return received(link, pdu, opened, place, now)
-        except RefusalError:
-            return pdu.message, None
-
-    patch.setattr(LccaLink, "receive_pdu", receive_pdu)
-    patch.setattr(lcca_application.LccaApplication, "_refuses", lambda *_: False)
+    checks: tuple[Check, ...]
+    bites: Callable[[AttackCounts], bool]
 
 
-def answer_all(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(AnswerLimit, "take", lambda *_: True)
+def _always(_self: object, *_: object) -> bool:
+    return True
 
 
-def believe_motion(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(identity_posterior, "LOST", 1.0)
-    patch.setattr(identity_posterior, "IMITATION", 1e-9)
+def _never(_self: object, *_: object) -> bool:
+    return False
 
 
-def one_vehicle_an_id(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(MisbehaviourDetector, "remote_id", lambda _self, _sender, id_: id_)
+def _as_received(_link: LccaLink, pdu: lcca.LccaPdu, *_: object) -> tuple[LccaMessage, None]:
+    """Believe a copy without what the braking vehicle signed."""
+    return pdu.message, None
 
 
-def brake_for_claims(patch: pytest.MonkeyPatch) -> None:
-    assess = BrakeRequester.assess
-
-    def assess_all(requester: BrakeRequester, alarms: Any, sensed: Any, now: float) -> None:
-        assess(requester, alarms, {**sensed, **alarms}, now)
-
-    patch.setattr(BrakeRequester, "assess", assess_all)
+def _end_of_anybody(warn: Warn, *arguments: object, **named: object) -> str | None:
+    refusal = _warn_refusal(warn, *arguments, **named)  # type: ignore[arg-type]
+    return None if refusal == "not_followed" else refusal
 
 
-CONTROLS = [
-    Control(AttackKind.NEXT_LEADER, believe_next_leader, lambda c: c.true_missed > 0),
-    Control(AttackKind.GROUP_EARLY, believe_copies, lambda c: c.false_alarms > 0),
-    Control(AttackKind.ORACLE, answer_all, lambda c: c.answers_per_s > 20.0),
-    Control(AttackKind.MIMICRY_BADLY_READ, believe_motion, lambda c: c.identified_s != 0.4),
-    Control(AttackKind.SILENT_MIMICRY, believe_motion, lambda c: c.identified_s != 0.2),
-    Control(AttackKind.SAME_ID, one_vehicle_an_id, lambda c: c.true_missed > 0, 40.0),
-    Control(AttackKind.BRAKE_BOTH, brake_for_claims, lambda c: c.false_alarms > 0, 30.0),
-    Control(AttackKind.BRAKE_DETECTOR, brake_for_claims, lambda c: c.false_alarms > 0, 30.0),
-    Control(AttackKind.BRAKE_CAMERA, brake_for_claims, lambda c: c.false_alarms > 0, 30.0),
-    Control(AttackKind.BRAKE_FOOTER, brake_for_claims, lambda c: c.false_alarms > 0, 30.0),
-]
+def _by_others(ids: AdjacentIds) -> None:
+    """Translate whoever is named by what the predecessor says of its leader."""
+    names: Mapping[bytes, bytes] = {
+        later: present for present, later in (ids._next_leader | ids._next).items()
+    }
+    ids._by_next = Renamed(names, names)
 
 
-@pytest.mark.parametrize("control", CONTROLS, ids=lambda each: each.attack.name)
-def test_without_the_rule_that_stops_it_an_attack_harms(
-    control: Control, monkeypatch: pytest.MonkeyPatch
+def _if_kept(link: LccaLink, message: LccaMessage) -> bytes:
+    """Send a copy without what the braking vehicle signed once that is displaced."""
+    origin = b""
+    if isinstance(message, Warn) and not message.is_direct:
+        kept = [each.opened.secured for each in link._statements.values()]
+        origin = message.origin if message.origin in kept else b""
+    try:
+        return lcca.encode(message, link._proof, origin)
+    except DecodeError:
+        return lcca.encode(message)
+
+
+def _by_all(response: RiskResponse, now: float) -> None:
+    """Request what any alarm asks for, whoever claims it."""
+    if isinstance(response.brake_requester, BrakeRequester):
+        alarms = response.monitor.assessments
+        response.brake_requester.assess(alarms, alarms, now)
+
+
+def _late(counts: AttackCounts) -> bool:
+    return counts.identified_s is None or counts.identified_s > 2.0
+
+
+def _missed(counts: AttackCounts) -> bool:
+    return counts.true_missed > 0
+
+
+def _false(counts: AttackCounts) -> bool:
+    return counts.false_alarms > 0
+
+
+PROOF: Check = (LccaLink, "_is_proved", _always)
+ORIGIN: Check = (LccaLink, "receive_pdu", _as_received)
+UNIQUE: Check = (MisbehaviourDetector, "is_id_unique", _always)
+BY_TEXT: Check = (identity_posterior, "READ", 2.0)
+SILENCE: Check = (identification, "MIN_ASKED_BESIDE_ANSWER", 2.0)
+OWN_SENSORS: Check = (RiskResponse, "_request_braking", _by_all)
+
+CONTROLS: dict[AttackKind, Control] = {
+    AttackKind.GROUP_ENDS: Control((ORIGIN, (group, "warn_refusal", _end_of_anybody)), _missed),
+    AttackKind.GROUP_EARLY: Control((ORIGIN,), _false),
+    AttackKind.HIJACK: Control((PROOF,), _late),
+    AttackKind.JOINS: Control((PROOF, UNIQUE), _missed),
+    AttackKind.REPLIES: Control(((Membership, "refusal", lambda *_: None),), _missed),
+    AttackKind.NEXT_LEADER: Control(((AdjacentIds, "_invert", _by_others),), _missed),
+    AttackKind.STATEMENTS: Control(((LccaLink, "encode", _if_kept),), _missed),
+    AttackKind.TESTS: Control(
+        ((AlarmClaims, "_admit_test", _always),), lambda counts: counts.false_alarm_s > 30.0
+    ),
+    AttackKind.MIMICRY_BADLY_READ: Control((BY_TEXT,), _late),
+    AttackKind.ANSWERS: Control((BY_TEXT,), _late),
+    AttackKind.SILENT_MIMICRY: Control((SILENCE,), _missed),
+    AttackKind.ORACLE: Control(
+        ((asking.AnswerLimit, "take", _always),), lambda counts: counts.answers_per_s > 20.0
+    ),
+    AttackKind.SAME_ID: Control(
+        ((MisbehaviourDetector, "remote_id", lambda _self, _sender, name: name),), _missed
+    ),
+    AttackKind.BRAKE_CAMERA: Control((OWN_SENSORS,), _false),
+    AttackKind.BRAKE_BOTH: Control((OWN_SENSORS,), _false),
+    AttackKind.BRAKE_DETECTOR: Control((OWN_SENSORS,), _false),
+    AttackKind.BRAKE_FOOTER: Control((OWN_SENSORS,), _false),
+}
+"""Of attacks that do the same with `check_braking` and without."""
+
+
+def _run(attack: AttackKind, *, checks: bool = True) -> AttackCounts:
+    if attack in FORGERIES:
+        forgery, seconds = FORGERIES[attack], QUIET_S + BRAKES_EVERY_S
+        return run_group(forgery, (1,), START_UTC_S, seconds, 1, checks=checks)
+    if attack in IMPOSTURES:
+        kind, seconds = IMPOSTURES[attack], QUIET_S + BRAKES_EVERY_S
+        return run_imposture(kind, (1,), START_UTC_S, seconds, 1, checks=checks)
+    if attack in BRAKE_CLAIMS:
+        seconds = 4.0 * LEAD_EVERY_S
+        return run_brake_claims(BRAKE_CLAIMS[attack], (1,), START_UTC_S, seconds, 1, checks=checks)
+    return run_host(attack, (1,), 20.0, 1, checks=checks)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("attack", CONTROLS)
+def test_an_attack_bites_without_the_check_that_stops_it(
+    monkeypatch: pytest.MonkeyPatch, attack: AttackKind
 ) -> None:
-    settings = AttacksSettings(
-        attacks=(control.attack,), insiders=(1,), seconds=control.seconds, unchecked=False
-    )
-    assert not control.harms(STUDY.one(settings, 0))
+    checks, bites = CONTROLS[attack]
+    for part, name, instead in checks:
+        monkeypatch.setattr(part, name, instead)
 
-    control.take_away(monkeypatch)
+    assert bites(_run(attack))
 
-    assert control.harms(STUDY.one(settings, 0))
+
+@pytest.mark.long
+@pytest.mark.parametrize("attack", CONTROLS)
+def test_the_same_attack_does_not_bite_with_it(attack: AttackKind) -> None:
+    assert not CONTROLS[attack].bites(_run(attack))
+
+
+def test_a_red_light_of_an_insider_who_may_send_it_silences_a_true_alarm() -> None:
+    counts = _run(AttackKind.SIGNALS, checks=False)
+
+    assert (counts.true_alarms, counts.true_missed) == (1, 1)
