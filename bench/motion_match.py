@@ -93,7 +93,9 @@ def _look(
             sums_m_s[car] += (shown_m_s - seen_m_s) * (now < LEVEL_S)
         match.receive_lead_speed(seen_m_s, 0.25, float(own), now)
         if named is None and step % 5 == 0:
-            probabilities = vehicle_probabilities([], {}, match.log_ratios())
+            probabilities = vehicle_probabilities(
+                [], {}, match.log_ratios(), in_row=match.in_row_log_ratios()
+            )
             name, probability = max(probabilities.items(), key=lambda item: item[1])
             if probability >= BELIEF:
                 named = name, now

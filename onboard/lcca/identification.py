@@ -24,7 +24,7 @@ from onboard.lcca.asking import AnswerLimit, is_behind, is_near
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedLead
 from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
-from onboard.lcca.position_match import position_log_ratio
+from onboard.lcca.position_match import position_log_ratio, row_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
 from onboard.observations import Discarded
 from onboard.sensors.host_state import SPEED_VALID_S
@@ -403,18 +403,19 @@ class Identification(Core):
             for sender, car_id in track.answers.items()
             if car_id in track.asked
         }
-        motion = self._motion.log_ratios()
+        motion, in_row = self._motion.log_ratios(), self._motion.in_row_log_ratios()
         for sender in motion:
             offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
             if offset_m is not None:
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
+                in_row[sender] += row_log_ratio(*offset_m)
         silent = {
             sender: max(0, inquiries - pending)
             for sender, inquiries in track.asked_by_motion.items()
         }
         listed = {each.car_id for each in lead.candidates} | track.asked.keys()
         silent |= {sender: 0 for sender, car_id in track.answers.items() if car_id not in listed}
-        return vehicle_probabilities(texts, answered, motion, silent)
+        return vehicle_probabilities(texts, answered, motion, silent, in_row)
 
     def _decide(self, track: _Track, lead: TrackedLead, now: float) -> None:
         if track.identity is not None:

@@ -2,7 +2,7 @@
 
 By the camera, the lead's plate bears the text T with probability p(T). The vehicle that bears it is
 on the air with probability r; it then answers, unless it or its answer is lost in each of the n(T)
-inquiries for T. Vehicles that answer and are not the lead do so by coincidence. With m the
+inquiries for T. Vehicles that answer and are not the lead do so by coincidence. With m' the
 likelihood ratio of a vehicle's motion (`motion_match`) and N the number of vehicles on the air, the
 weights are, by Bayes' rule,
 
@@ -17,6 +17,14 @@ can move just as the lead does, with probability i, but proves no other ID than 
 camera reads a plate, that decides, not the motion. And the lead would answer whoever asks it by
 its temporary ID: q counts the inquiries that are left unanswered, none if it answered under the ID
 of a text that the camera does not list.
+
+Others of the lead's row move almost as it does, and the lead may be one without radio and plate.
+With e the likelihood ratio of another place in the row, and w the number of its vehicles,
+
+    m = m' / (1 - w / N + e w / N)
+
+where motion alone speaks for a vehicle. Where it has answered for a text, m = m': an insider that
+moves as the row does cannot keep it from being the lead.
 
 K(T) is the probability of the answers for other texts than T. A given plate is rare. But vehicles
 of one fleet have consecutive plates, and the lead may be of a fleet that is in range. With a
@@ -42,6 +50,8 @@ series, which are not used evenly."""
 IMITATION = 1e-2
 """i: probability that a vehicle imitates the motion of the lead, taken high: it could keep the lead
 from being identified, or be taken for it and warn the host."""
+IN_ROW = 4.0
+"""w: vehicles of the lead's row on the air, without the lead; at most half of all."""
 READ = 0.5
 """Least probability of all texts that the camera lists at which it has read the plate; a plate that
 is not read leaves the decision to motion."""
@@ -79,6 +89,7 @@ def vehicle_probabilities(
     answered: Mapping[bytes, str],
     motion: Mapping[bytes, float],
     asked_by_motion: Mapping[bytes, int] = MappingProxyType({}),
+    in_row: Mapping[bytes, float] = MappingProxyType({}),
 ) -> dict[bytes, float]:
     """Return the probability of each vehicle; what their sum lacks to 1 is for none of them.
 
@@ -89,6 +100,7 @@ def vehicle_probabilities(
         motion: logarithm of the likelihood ratio of the motion of all vehicles on the air.
         asked_by_motion: of vehicles that were asked by the temporary ID of their BSMs, the number
             of inquiries that they could have answered, and did not.
+        in_row: as `motion`, for another place in the lead's row.
     """
     on_air = max(len(motion.keys() | answered.keys()), 1)
     rare = min(COINCIDENCE * on_air, 1.0)
@@ -109,14 +121,16 @@ def vehicle_probabilities(
         nobody += weight
         lost += weight * LOST**each.inquiries
     is_read = sum(each.probability for each in texts) >= READ
+    row = min(IN_ROW / on_air, 0.5)
     most = math.log(1.0 / IMITATION) if is_read else math.inf
     for name, ratio in motion.items():
         if name in answered:
             continue
+        weight = math.exp(ratio)
         if name in asked_by_motion:
             weight = math.exp(min(ratio, most)) * LOST ** asked_by_motion[name]
-        else:
-            weight = math.exp(ratio)
+        if name in in_row:
+            weight /= 1.0 - row + row * math.exp(in_row[name])
         weights[name] = ON_AIR / on_air * weight * lost
     total = sum(weights.values()) + (1.0 - ON_AIR) * nobody
     return {name: weight / total if total else 0.0 for name, weight in weights.items()}

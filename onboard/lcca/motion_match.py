@@ -8,7 +8,11 @@ that of the lead. Each sample of the latter is explained in two ways:
 - Another vehicle is the lead: the sample is near the one before, since speeds change slowly. How
   slowly is learnt from the samples: at constant speeds, equal speeds are no evidence.
 
-Both are Kalman filters with one state. The logarithm of the ratio of their likelihoods is the
+A third explanation is that the vehicle on the air is another one of the same row: the lead follows
+it, some seconds later, or it follows the lead. Speeds then differ by more than those of
+speedometers, and the difference changes.
+
+All are Kalman filters with one state. The logarithm of the ratio of their likelihoods is the
 evidence, and a sequential probability ratio test (Wald 1945) if it is summed from the start. Its
 cumulative sum from its last maximum (CUSUM; Page 1954, Continuous inspection schemes) shows that a
 vehicle has ceased to be the lead.
@@ -23,6 +27,7 @@ from collections import OrderedDict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 from onboard.kinematics.acceleration import is_jump
 
@@ -37,6 +42,15 @@ OFFSET_M_S, OFFSET_SHARE = 0.4, 0.02
 are 0.4 to 1.2 % high in recorded drives."""
 TRAFFIC_M_S = 3.0
 """Sigma of the speed of other vehicles in range against the own one."""
+FOLLOWING_M_S, FOLLOWING_DRIFT_M_S = 1.0, 0.2
+"""Sigma of the difference of two speeds of one row, some samples apart, at first; and by which it
+changes in a second: of those who do not follow as closely as speedometers agree."""
+AHEAD_SAMPLES = ((3, True), (5, True), (5, False), (9, False))
+BEHIND_SAMPLES = ((5, True), (9, False))
+"""By how many samples the lead may follow a vehicle ahead of it, or one behind follows the lead;
+and whether it does so closely."""
+ELSEWHERE = -5.0
+"""Evidence below which a vehicle is not asked what else explains its motion."""
 WANDERS_M_S = (0.05, 0.2, 0.8)
 """Sigmas by which a speed may change in a second, from cruise control to dense traffic."""
 WANDER_MEMORY = 0.9
@@ -44,7 +58,8 @@ WANDER_MEMORY = 0.9
 MAX_STEP = 3.0
 """Bound of the evidence of one sample: one wrong speed decides nothing."""
 MIN_EVIDENCE, MAX_EVIDENCE = -30.0, 12.0
-"""Bounds of the sum: its error does not grow with the time driven in a row."""
+"""Bounds of the sum: its error does not grow with the time driven in a row. What explains a vehicle
+better than another explanation does so at the bound, too."""
 OWN_ERROR_M_S = 1.0
 """Largest error of a change of the own speed, in steps of 1 km/h."""
 SILENT_S = 2.0
@@ -53,13 +68,21 @@ MAX_VEHICLES = 512
 """Vehicles kept; the one that was heard first is forgotten."""
 _HISTORY = 16
 """Speeds kept of a vehicle: those of more than a second at 10 Hz."""
+_SAMPLES = max(AHEAD_SAMPLES + BEHIND_SAMPLES)[0] + 2
+"""Samples kept of the lead and of each vehicle."""
 
 
 class _Filter:
     """Kalman filter of one slowly changing value."""
 
+    __slots__ = ("_mean", "_variance")
+
     def __init__(self, mean: float, variance: float) -> None:
         self._mean, self._variance = mean, variance
+
+    def copy(self) -> "_Filter":
+        """Return another one that starts here."""
+        return _Filter(self._mean, self._variance)
 
     def update(self, value: float, noise: float, drift: float) -> float:
         """Take a measurement and return the logarithm of its likelihood.
@@ -102,22 +125,71 @@ class _LeadSpeed:
         return after - before
 
 
+class _Explanation:
+    """The lead's speed is that of a vehicle on the air, but for a slowly changing difference."""
+
+    __slots__ = ("_drift", "_offset", "evidence")
+
+    def __init__(self, offset: _Filter, drift: float, evidence: float) -> None:
+        """Start with the difference, its drift from sample to sample, and the first evidence."""
+        self._offset, self._drift, self.evidence = offset, drift, evidence
+
+    def copy(self) -> "_Explanation":
+        """Return another one that starts here."""
+        return _Explanation(self._offset.copy(), self._drift, self.evidence)
+
+    def update(self, difference_m_s: float, noise: float, by_itself: float) -> None:
+        """Take a further one, which is judged by the lead's own past."""
+        likelihood = self._offset.update(difference_m_s, noise, self._drift)
+        self.evidence += min(max(likelihood - by_itself, -MAX_STEP), MAX_STEP)
+
+
+class _Sample(NamedTuple):
+    """One speed of the lead."""
+
+    speed_m_s: float
+    noise: float
+    """Its variance."""
+    by_itself: float
+    """Logarithm of the likelihood by the lead's own past."""
+
+
 @dataclass(slots=True)
 class _Vehicle:
     """A vehicle on the air."""
 
     speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     """Time in s and speed in m/s."""
-    offsets: list[_Filter] = field(default_factory=list)
-    """Difference of the speedometers for each delay; empty before the first sample."""
-    evidence: list[float] = field(default_factory=lambda: [0.0] * len(DELAYS_S))
+    sampled: deque[float | None] = field(default_factory=lambda: deque(maxlen=_SAMPLES))
+    """Speed at each of the latest samples, the last one last."""
+    as_lead: list[_Explanation] = field(default_factory=list)
+    """For each delay; empty before the first sample, as the next two."""
+    ahead: list[_Explanation] = field(default_factory=list)
+    behind: list[_Explanation] = field(default_factory=list)
     decline: float = 0.0
     """Evidence against the vehicle since it was last at its highest; not above 0."""
 
     @property
     def log_ratio(self) -> float:
-        """Evidence with all delays as likely."""
-        return _log_mean(self.evidence)
+        """Evidence that it is the lead, with all delays as likely."""
+        return _evidence(self.as_lead)
+
+    @property
+    def in_row_log_ratio(self) -> float:
+        """Evidence that it is another vehicle of the row."""
+        return _evidence([*self.ahead, *self.behind])
+
+    def restart(self) -> None:
+        """Drop all evidence, not the speeds."""
+        for each in (self.sampled, self.as_lead, self.ahead, self.behind):
+            each.clear()
+        self.decline = 0.0
+
+    def bound(self) -> None:
+        """Keep the sums within their bounds, and their differences below the upper one."""
+        excess = max(0.0, max(self.log_ratio, self.in_row_log_ratio) - MAX_EVIDENCE)
+        for each in (*self.as_lead, *self.ahead, *self.behind):
+            each.evidence = max(each.evidence - excess, MIN_EVIDENCE)
 
 
 class MotionMatch:
@@ -126,6 +198,7 @@ class MotionMatch:
     def __init__(self) -> None:
         self._vehicles: OrderedDict[bytes, _Vehicle] = OrderedDict()
         self._lead_speed: _LeadSpeed | None = None
+        self._samples: deque[_Sample] = deque(maxlen=_SAMPLES)
         self._sampled_at = -math.inf
         self._before: tuple[float, float] | None = None
         """Time and own speed of the last sample that did not jump."""
@@ -137,10 +210,9 @@ class MotionMatch:
         self._lead_speed = self._before = None
         self._jumped_m_s = None
         self._sampled_at = -math.inf
+        self._samples.clear()
         for vehicle in self._vehicles.values():
-            vehicle.offsets.clear()
-            vehicle.evidence = [0.0] * len(DELAYS_S)
-            vehicle.decline = 0.0
+            vehicle.restart()
 
     def receive_speed_on_air(self, name: bytes, speed_m_s: float, now: float) -> None:
         """Take the speed that the vehicle with this temporary ID has sent."""
@@ -177,11 +249,12 @@ class MotionMatch:
             self._lead_speed = _LeadSpeed(own_speed_m_s)
             seconds = 0.0
         by_itself = self._lead_speed.update(speed_m_s, noise, seconds)
+        self._samples.append(_Sample(speed_m_s, noise, by_itself))
         for vehicle in self._vehicles.values():
-            if vehicle.offsets:
-                self._compare(vehicle, speed_m_s, noise, by_itself, now)
+            if vehicle.as_lead:
+                self._compare(vehicle, now)
             else:
-                self._begin(vehicle, speed_m_s, noise, own_speed_m_s, now)
+                _begin(vehicle, self._samples[-1], own_speed_m_s, now)
 
     def log_ratio(self, name: bytes) -> float:
         """Logarithm of the likelihood ratio that it is the lead; 0 if nothing is known."""
@@ -197,7 +270,8 @@ class MotionMatch:
         """Keep only the evidence since this vehicle was last at its highest."""
         vehicle = self._vehicles.get(name)
         if vehicle is not None:
-            vehicle.evidence = [vehicle.decline] * len(DELAYS_S)
+            for each in vehicle.as_lead:
+                each.evidence = vehicle.decline
             vehicle.decline = 0.0
 
     def is_on_air(self, name: bytes) -> bool:
@@ -207,6 +281,10 @@ class MotionMatch:
     def log_ratios(self) -> dict[bytes, float]:
         """Logarithms of the likelihood ratios of all vehicles on the air."""
         return {name: vehicle.log_ratio for name, vehicle in self._vehicles.items()}
+
+    def in_row_log_ratios(self) -> dict[bytes, float]:
+        """The same for each being another vehicle of the row, ahead of the lead or behind."""
+        return {name: vehicle.in_row_log_ratio for name, vehicle in self._vehicles.items()}
 
     def __len__(self) -> int:
         return len(self._vehicles)
@@ -223,34 +301,50 @@ class MotionMatch:
         self._jumped_m_s = own_speed_m_s if is_first else None
         return False
 
-    def _begin(
-        self, vehicle: _Vehicle, speed_m_s: float, noise: float, own_speed_m_s: float, now: float
-    ) -> None:
-        """Compare the first speed of a vehicle: with the lead's, and with all traffic."""
-        on_air_m_s = speed_at(vehicle.speeds, max(now, vehicle.speeds[0][0]))
-        if on_air_m_s is None:
-            return
-        variance = OFFSET_M_S**2 + (OFFSET_SHARE * speed_m_s) ** 2
-        vehicle.offsets = [_Filter(0.0, variance) for _ in DELAYS_S]
-        by_traffic = _log_density(on_air_m_s - own_speed_m_s, TRAFFIC_M_S**2)
-        for index, offset in enumerate(vehicle.offsets):
-            likelihood = offset.update(speed_m_s - on_air_m_s, noise, 0.0)
-            vehicle.evidence[index] = _bounded(likelihood - by_traffic)
+    def _compare(self, vehicle: _Vehicle, now: float) -> None:
+        before, latest = vehicle.log_ratio, self._samples[-1]
+        vehicle.sampled.append(speed_at(vehicle.speeds, now))
+        for delay_s, each in zip(DELAYS_S, vehicle.as_lead, strict=True):
+            _explain(each, latest, speed_at(vehicle.speeds, now - delay_s))
+        after = vehicle.log_ratio
+        vehicle.decline = min(0.0, vehicle.decline + after - before)
+        if after > ELSEWHERE:
+            self._compare_in_row(vehicle)
+        vehicle.bound()
 
-    def _compare(
-        self, vehicle: _Vehicle, speed_m_s: float, noise: float, by_itself: float, now: float
-    ) -> None:
-        before = vehicle.log_ratio
-        for index, delay_s in enumerate(DELAYS_S):
-            on_air_m_s = speed_at(vehicle.speeds, now - delay_s)
-            if on_air_m_s is None:
-                continue
-            likelihood = vehicle.offsets[index].update(
-                speed_m_s - on_air_m_s, noise, WANDERS_M_S[0] ** 2 * SAMPLE_S
-            )
-            step = min(max(likelihood - by_itself, -MAX_STEP), MAX_STEP)
-            vehicle.evidence[index] = _bounded(vehicle.evidence[index] + step)
-        vehicle.decline = min(0.0, vehicle.decline + vehicle.log_ratio - before)
+    def _compare_in_row(self, vehicle: _Vehicle) -> None:
+        latest = self._samples[-1]
+        for (lag, _), each in zip(AHEAD_SAMPLES, vehicle.ahead, strict=True):
+            _explain(each, latest, vehicle.sampled[-min(1 + lag, len(vehicle.sampled))])
+        for (lag, _), each in zip(BEHIND_SAMPLES, vehicle.behind, strict=True):
+            is_kept = lag < len(self._samples) - 1  # the first is judged by all traffic
+            _explain(each, self._samples[-1 - lag * is_kept], vehicle.sampled[-1])
+
+
+def _begin(vehicle: _Vehicle, sample: _Sample, own_speed_m_s: float, now: float) -> None:
+    """Compare the first speed of a vehicle: with the lead's, and with all traffic."""
+    on_air_m_s = speed_at(vehicle.speeds, max(now, vehicle.speeds[0][0]))
+    if on_air_m_s is None:
+        return
+    by_traffic = _log_density(on_air_m_s - own_speed_m_s, TRAFFIC_M_S**2)
+    offset = OFFSET_M_S**2 + (OFFSET_SHARE * sample.speed_m_s) ** 2
+
+    def begun(variance: float, drift_m_s: float) -> _Explanation:
+        each = _Filter(0.0, variance)
+        likelihood = each.update(sample.speed_m_s - on_air_m_s, sample.noise, 0.0)
+        return _Explanation(each, drift_m_s**2 * SAMPLE_S, _bounded(likelihood - by_traffic))
+
+    close = begun(offset, WANDERS_M_S[0])
+    loose = begun(offset + FOLLOWING_M_S**2, FOLLOWING_DRIFT_M_S)
+    vehicle.as_lead = [close.copy() for _ in DELAYS_S]
+    vehicle.ahead = [(close if is_close else loose).copy() for _, is_close in AHEAD_SAMPLES]
+    vehicle.behind = [(close if is_close else loose).copy() for _, is_close in BEHIND_SAMPLES]
+    vehicle.sampled.append(on_air_m_s)
+
+
+def _explain(explanation: _Explanation, sample: _Sample, on_air_m_s: float | None) -> None:
+    if on_air_m_s is not None:
+        explanation.update(sample.speed_m_s - on_air_m_s, sample.noise, sample.by_itself)
 
 
 def speed_at(
@@ -273,6 +367,10 @@ def speed_at(
             share = (at_s - before_s) / (after_s - before_s)
             return before_m_s + share * (after_m_s - before_m_s)
     return None
+
+
+def _evidence(explanations: Sequence[_Explanation]) -> float:
+    return _log_mean([each.evidence for each in explanations]) if explanations else 0.0
 
 
 def _bounded(evidence: float) -> float:

@@ -309,6 +309,23 @@ def test_a_car_whose_plate_is_never_read_is_identified_by_its_motion() -> None:
     assert any(isinstance(each, Identified) and each.cause == "motion" for each in drive.events)
 
 
+@pytest.mark.parametrize("lag_s", [1.2, 1.6, 2.0, 3.0])
+@pytest.mark.parametrize("period_s", [25.0, 40.0, 60.0])
+def test_a_car_through_which_one_sees_no_plate_is_not_taken_for_the_one_ahead_of_it(
+    period_s: float, lag_s: float
+) -> None:
+    """A motorcycle without radio follows a car on the air, some time behind."""
+    drive, rng = Drive(), np.random.default_rng(2)
+    for step in range(900):
+        far_m_s, lead_m_s = (
+            SPEED_M_S + 1.5 * np.sin(2.0 * np.pi * (FRAME_S * step - each_s) / period_s)
+            for each_s in (0.0, lag_s)
+        )
+        sent_m_s = round(3.6 * far_m_s) / 3.6
+        drive.look(ahead_m_s=lead_m_s + rng.normal(0.0, 0.3), answering={FAR: sent_m_s})
+        assert drive.identified is None
+
+
 def test_of_two_that_answer_the_one_whose_position_fits_is_ahead() -> None:
     drive = Drive()
     both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}

@@ -85,6 +85,15 @@ def test_motion_alone_needs_more_the_more_vehicles_are_on_the_air() -> None:
     assert vehicle_probabilities([], {}, {A: 8.0} | MANY)[A] < 0.999
 
 
+def test_motion_that_another_place_in_the_row_explains_as_well_decides_nothing() -> None:
+    alone = vehicle_probabilities([], {}, {A: 11.0, B: -3.0})
+    assert alone[A] > 0.999
+    row = vehicle_probabilities([], {}, {A: 11.0, B: -3.0}, {}, {A: 10.0, B: -3.0})
+    assert row[A] < 0.9
+    other = vehicle_probabilities([], {}, {A: 11.0, B: -3.0}, {}, {A: 2.0, B: -3.0})
+    assert other[A] > 0.999
+
+
 def test_whoever_moves_just_as_the_lead_is_not_it_if_its_plate_is_another() -> None:
     """An insider copies speed and place of a lead without radio, and answers for itself."""
     read = [asked("AB120", 0.9, 5)]
@@ -120,14 +129,15 @@ def test_the_weights_are_those_of_the_docstring() -> None:
     unlisted = 0.2 * (beside * chance(2, 0) + (1 - beside) * chance(0, 2))
     nobody = p[2] * chance(2, 0) + p[3] * chance(0, 2) + unlisted
     lost = p[2] * LOST * chance(2, 0) + p[3] * LOST**3 * chance(0, 2) + unlisted
+    in_row = {A: 1.0, C: 2.0, D: -3.0}
     weights = {
         A: p[0] * math.exp(0.7) * ON_AIR * chance(1, 0),
         B: p[1] * math.exp(-0.3) * ON_AIR * chance(1, 0),
-        C: ON_AIR / n * math.exp(0.1) * lost,
-        D: ON_AIR / n * LOST**2 / IMITATION * lost,
+        C: ON_AIR / n * math.exp(0.1) / (0.5 + 0.5 * math.exp(2.0)) * lost,
+        D: ON_AIR / n * LOST**2 / IMITATION / (0.5 + 0.5 * math.exp(-3.0)) * lost,
     }
     total = sum(weights.values()) + (1 - ON_AIR) * nobody
-    got = vehicle_probabilities(texts, {A: "AB120", B: "AB160"}, motion, {D: 2})
+    got = vehicle_probabilities(texts, {A: "AB120", B: "AB160"}, motion, {D: 2}, in_row)
     assert got == pytest.approx({name: weight / total for name, weight in weights.items()})
 
 
@@ -144,15 +154,20 @@ def test_a_text_that_has_left_the_camera_s_list_is_less_likely_than_those_on_it(
     st.dictionaries(st.binary(max_size=2), TEXTS, max_size=32),
     st.dictionaries(st.binary(max_size=2), st.floats(-30.0, 12.0), max_size=40),
     st.dictionaries(st.binary(max_size=2), st.integers(0, 9), max_size=40),
+    st.floats(-30.0, 12.0),
 )
 def test_whatever_comes_the_result_is_a_distribution(
     listed: dict[str, tuple[float, int]],
     answered: dict[bytes, str],
     motion: dict[bytes, float],
     asked_by_motion: dict[bytes, int],
+    in_row: float,
 ) -> None:
     texts = {text: AskedText(text, *rest) for text, rest in listed.items()}
-    probabilities = vehicle_probabilities(texts.values(), answered, motion, asked_by_motion)
+    elsewhere = dict.fromkeys(motion, in_row)
+    probabilities = vehicle_probabilities(
+        texts.values(), answered, motion, asked_by_motion, elsewhere
+    )
     assert probabilities.keys() == answered.keys() | motion.keys()
     assert all(0.0 <= each <= 1.0 for each in probabilities.values())
     assert sum(probabilities.values()) <= 1.0 + 1e-9
