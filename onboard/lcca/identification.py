@@ -33,9 +33,11 @@ BELIEF = 0.999
 """Probability from which a car is identified."""
 MIN_ASKED = 0.004
 """Probability below which a text is not asked for."""
-MIN_ASKED_BY_MOTION, MIN_ASKED_BESIDE_ANSWER = 0.5, 1e-4
-"""Probability by motion alone from which a car is asked for its communication ID; and that of one
-that may keep another from being identified, which has answered for its plate."""
+MIN_ASKED_BY_MOTION = 0.5
+"""Probability by motion alone from which a car is asked for its communication ID."""
+KEEPS_BACK = (1.0 - BELIEF) / 10.0
+"""The same where another one has answered for its plate, and is not identified yet: ten less
+likely ones cannot keep it back."""
 MAX_ASKED_BY_MOTION = MAX_NAMES // 2
 """Cars that one inquiry asks for that."""
 REFUTED = -7.0
@@ -312,7 +314,8 @@ class Identification(Core):
     def _alike(self, track: _Track, lead: TrackedLead, now: float) -> list[bytes]:
         """Vehicles whose motion is a reason to ask them, the likeliest first."""
         has_answer = any(car_id in track.asked for car_id in track.answers.values())
-        least = MIN_ASKED_BESIDE_ANSWER if has_answer else MIN_ASKED_BY_MOTION
+        is_kept_back = has_answer and self._have_all_answered(track, lead, now)
+        least = KEEPS_BACK if is_kept_back else MIN_ASKED_BY_MOTION
         probabilities = self._probabilities(track, lead, now)
         alike = [
             sender
