@@ -1,5 +1,6 @@
 """FCW: forward collision warning, by time to collision and required deceleration."""
 
+import math
 from typing import ClassVar
 
 from typing_extensions import override
@@ -28,6 +29,9 @@ FCW = Cause("fcw")
 CONFIRM_S = 0.04
 """Time over which measurements of a vehicle must show a level, unless filtered: one outlier
 raises no alarm."""
+JAM_M_S, ROUTINE_M_S2 = 8.0, 2.5
+"""In a jam, slower than this, drivers brake so hard time and again: a time to collision that asks
+for less is no danger."""
 MAX_REPORTED_DECELERATION_M_S2 = 20.0
 """Alarms report no larger required deceleration: no braking is as hard."""
 
@@ -133,7 +137,8 @@ def fcw_level(
 ) -> tuple[Level, float]:
     """Return the level, and the required deceleration after a reaction in m/s^2.
 
-    TTC and required deceleration decide, the more urgent counts. A driver who already brakes enough
+    TTC and required deceleration decide, the more urgent counts; in a jam a TTC counts
+    only if more than routine braking is required. A driver who already brakes enough
     gets a caution at most (docs/design/risk.md).
 
     Args:
@@ -147,7 +152,8 @@ def fcw_level(
     """
     lead = speed_m_s - closing_speed_m_s, lead_deceleration_m_s2
     needed_m_s2 = required_deceleration_m_s2(gap_m, speed_m_s, *lead, settings.reaction_s)
-    ttc_s = time_to_collision_s(gap_m, closing_speed_m_s)
+    is_routine = speed_m_s < JAM_M_S and needed_m_s2 < ROUTINE_M_S2
+    ttc_s = math.inf if is_routine else time_to_collision_s(gap_m, closing_speed_m_s)
     level = Level.NONE
     if needed_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s:
         level = Level.WARNING
