@@ -71,9 +71,12 @@ class LaneWatch:
 
     def _sees_free_lane(self, frame: AdmittedFrame) -> bool:
         """Whether the lane looks like road, as far as vehicles are not found by themselves."""
-        if frame.camera.free_lane is None:
+        camera = frame.camera
+        if camera.free_lane is None or camera.horizon is None:
             return False
-        free_m = frame.camera.free_lane.free_until_m(frame.image, self.lane.shape)
+        if not camera.horizon.is_sharp(frame.image, self.lane.shape):
+            return False
+        free_m = camera.free_lane.free_until_m(frame.image, self.lane.shape)
         return free_m >= self._free_widths * self._lane_width_m
 
     def _outline(self, track: VehicleTrack, perspective: Perspective) -> ImageBox:

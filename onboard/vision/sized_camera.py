@@ -15,6 +15,7 @@ from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
 from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.free_lane import FreeLane
+from onboard.vision.horizon import Horizon
 from onboard.vision.lane import LaneMarkingDetector
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.plate_formats import PlateFormats
@@ -69,6 +70,8 @@ class SizedCamera:
     markings: LaneMarkingDetector | None
     """Needs a calibration."""
     free_lane: FreeLane | None
+    """Needs a calibrated mounting."""
+    horizon: Horizon | None
     """Needs a calibrated mounting."""
     detectors: list[Detector] = field(default_factory=list)
 
@@ -131,12 +134,14 @@ class SizedCameras:
 
     def _sized(self, perspective: Perspective, width_px: int, height_px: int) -> SizedCamera:
         given, lane_m = self._calibration, self._settings.lane_width_m
+        has_mounting = given is not None and given.has_mounting
         return SizedCamera(
             size_px=(width_px, height_px),
             perspective=perspective,
             road=_below_horizon(perspective, self.slope, width_px, height_px) if given else None,
             markings=LaneMarkingDetector(perspective, lane_m) if given else None,
-            free_lane=FreeLane(perspective, lane_m) if given and given.has_mounting else None,
+            free_lane=FreeLane(perspective, lane_m) if has_mounting else None,
+            horizon=Horizon(perspective, lane_m) if has_mounting else None,
             detectors=self._detectors(perspective),
         )
 
