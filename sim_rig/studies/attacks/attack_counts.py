@@ -25,3 +25,5 @@ class AttackCounts:
     """Until the last follower knew the vehicle ahead of it; `None` if one never did."""
     wrong_leads: int = 0
     """Other vehicles that were taken for the one ahead."""
+    attempts: int = 0
+    """Claims of a braking lead vehicle that alarmed the driver."""

@@ -95,6 +95,8 @@ class AttackRow:
     """Until the last vehicle of a group knew the one ahead of it; `None` if one never did."""
     wrong_leads: int
     """Other vehicles that were taken for the one ahead."""
+    attempts: int
+    """Claims of a braking lead vehicle that alarmed the driver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,7 @@ class AttackLine:
     answers_per_s: float
     identified_s: float | None
     wrong_leads: int
+    attempts: int
 
 
 def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
@@ -164,6 +167,7 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         answers_per_s=max(row.answers_per_s for row in runs),
         identified_s=_worst(row.identified_s for row in runs),
         wrong_leads=sum(row.wrong_leads for row in runs),
+        attempts=sum(row.attempts for row in runs),
     )
 
 

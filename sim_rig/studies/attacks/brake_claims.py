@@ -14,6 +14,7 @@ import numpy as np
 
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.observations import Lead, LeadIdentity, PlateCandidate, VehicleDetection
+from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
@@ -76,7 +77,7 @@ def run_brake_claims(
         checks: whether the host checks brakings and claims.
 
     Returns:
-        Requests to brake instead of alarms.
+        Requests to brake instead of alarms, and how many claims alarmed the driver.
     """
     rng = np.random.default_rng(seed)
     names = [f"insider{number}" for number in range(insiders)]
@@ -179,6 +180,11 @@ def _count(host: AttackedHost, leads: int) -> AttackCounts:
         for event in host.events
         if isinstance(event, BrakeRequest) and event.deceleration_m_s2 > 0.0
     } & set(range(leads))  # the last one may not have been followed to its end
+    alarmed_of = {
+        int(event.stamp_s // LEAD_EVERY_S)
+        for event in host.events
+        if isinstance(event, Alarm) and event.level is Level.WARNING
+    } & set(range(leads))
     true = set(range(1, leads, 2))
     return AttackCounts(
         false_alarms=len(asked_for - true),
@@ -186,4 +192,5 @@ def _count(host: AttackedHost, leads: int) -> AttackCounts:
         ignored=len(host.ignored()),
         true_alarms=len(true),
         true_missed=len(true - asked_for),
+        attempts=len(alarmed_of - true),
     )

@@ -95,6 +95,7 @@ def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKi
     )
 
     assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)
+    assert counts.attempts > 0
 
 
 def test_a_leader_that_names_a_member_as_its_next_id_takes_no_follower_from_it() -> None:
