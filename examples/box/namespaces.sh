@@ -21,7 +21,8 @@ sed -e "$served" -e '/^fetch:/d' -e "s|^recording:.*|recording: $folder/drive|" 
     -e "s|^keys:.*|keys: $folder/trial|" "$here/red.yaml" > "$folder/red.yaml"
 bus='can: {interface: socketcand, channel: can0, host: 192.168.77.1, port: 29536}'
 sed -e "s|^can:.*|$bus|" -e "s|/etc/onboard/keys|$folder/trial/red|" \
-    -e "s|/var/lib/onboard/drive|$folder/drive|" "$here/car.yaml" > "$folder/car.yaml"
+    -e "s|/var/lib/onboard/drive|$folder/drive, pictures_hz: 30, picture_quality: 95|" "$here/car.yaml" > "$folder/car.yaml"
+echo 'seed: 7' >> "$folder/car.yaml"    # a drive that is played has answers to its questions
 
 # The daemon, with the UTC of a file, restarted as by systemd.
 onboard="$PYTHON -m sim_rig.processes.settable_clock $folder/utc run $folder/car.yaml"

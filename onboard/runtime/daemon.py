@@ -3,13 +3,11 @@
 import asyncio
 import contextlib
 import math
-import secrets
 import sys
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -25,12 +23,12 @@ from onboard.recorder.build import present_build
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.runtime.candidate_ids import CandidateIds
+from onboard.runtime.entropy_source import entropy_source
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
-from onboard.security.pseudonyms import ENTROPY_BYTES
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
@@ -86,7 +84,7 @@ class Daemon:
                 driver=self._driver,
                 signals=read_signals(config.obd.broadcast),
             ),
-            partial(secrets.token_bytes, ENTROPY_BYTES) if config.seed is None else None,
+            entropy_source(config.seed),
         )
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(

@@ -9,13 +9,18 @@ from onboard.errors import UserError
 from onboard.recorder.header import RecordingHeader
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive
-from onboard.recorder.records import Identity
 from onboard.recorder.segment import IMAGES
 from onboard.replay import replay
 from onboard.step import ReceivedWsm
 from onboard.trace.trace_line import Event, as_record
 from sim_rig.boxes.box_recording import BoxRecording
-from sim_rig.boxes.played_drive import WIRES, PlayedDrive, Received, start_on_clock_of
+from sim_rig.boxes.played_drive import (
+    WIRES,
+    PlayedDrive,
+    Received,
+    own_ids,
+    start_on_clock_of,
+)
 from sim_rig.boxes.player import Played
 from sim_rig.run_log.first_difference import RunComparison, compare
 from sim_rig.run_log.run_log import Record, RunLog
@@ -35,8 +40,6 @@ class DriveSource:
     """Yields the events of a replay of what is played."""
     header: RecordingHeader | None = None
     """Of a black box recording."""
-    own_ids: frozenset[bytes] = frozenset()
-    """Communication IDs of its vehicle, if they are known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,7 @@ class BoxDecisions:
 
 
 class NotPlayedError(UserError):
-    """The recording of the box is of another drive than the one that was played, or vehicle."""
+    """The recording of the box is of another drive, vehicle or seed than what was played."""
 
 
 def compare_decisions(
@@ -68,7 +71,7 @@ def compare_decisions(
         played: what was played.
 
     Raises:
-        NotPlayedError: the recording is of another drive.
+        NotPlayedError: the recording is of another drive, or the box has another seed.
         UserError: it cannot be read or replayed.
     """
     box_start_s = start_on_clock_of(_received(recording.files), played.first)
@@ -76,8 +79,10 @@ def compare_decisions(
         raise NotPlayedError(
             f"no input of the drive has arrived, by the box's recording {recording.header.drive}"
         )
-    if source.own_ids and not source.own_ids & own_ids(RecordedDrive(recording.files)):
+    ids = source.drive.own_ids
+    if ids and not ids & own_ids(RecordedDrive(recording.files)):
         raise NotPlayedError("`car.plate` or `security.plate_digest` of the box is not the drive's")
+    _require_seed(source, recording.header)
     start_s = source.drive.start_s
     events = takewhile(lambda each: each.stamp_s <= start_s + played.until_s, source.replay())
     of_source = _log(car, map(as_record, events), start_s, played.until_s)
@@ -87,11 +92,15 @@ def compare_decisions(
     )
 
 
-def own_ids(drive: RecordedDrive) -> set[bytes]:
-    """Return the communication IDs of the vehicle itself in a recorded drive."""
-    own = drive.header.config["car"]["plate"]
-    identities = (as_input(each) for each in drive.entries() if each.topic == "/in/identity")
-    return {each.car_id for each in identities if isinstance(each, Identity) and each.plate == own}
+def _require_seed(source: DriveSource, box: RecordingHeader) -> None:
+    """Raise `NotPlayedError` if the box has asked under other numbers than the drive's vehicle."""
+    drive = source.header
+    if drive is not None and "camera" in source.drive.wires and box.seed != drive.seed:
+        seed = drive.seed[0]
+        raise NotPlayedError(
+            f"the answers in the drive are to the questions of `seed: {seed}`, which the box's"
+            " configuration must have"
+        )
 
 
 def _log(car: str, records: Iterable[Record], start_s: float, until_s: float) -> RunLog:

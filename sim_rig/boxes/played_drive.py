@@ -13,12 +13,13 @@ from typing_extensions import override
 
 from onboard.errors import UserError
 from onboard.gnss.gnss_log import read_gnss_log
+from onboard.messages.lcca import NO_ID, CarId
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.can_log import read_can_log
 from onboard.observations import DetectionList, Position
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import Entry, RecordedDrive
-from onboard.recorder.records import StepEnd
+from onboard.recorder.records import Identity, StepEnd
 from onboard.recorder.segment import IMAGES
 from onboard.step import ReceivedWsm
 from onboard.tools.replay import RawRecording, received_packets
@@ -76,8 +77,12 @@ class PlayedDrive:
     """Time of the first input on that clock."""
     start_utc_s: float | None
     """UTC of the first input; `None` if the recordings have no UTC."""
+    before_s: float = 0.0
+    """How long its vehicle had been at work then."""
     left_out: tuple[str, ...] = ()
     """Kinds of recorded inputs that are on no wire."""
+    own_ids: frozenset[CarId] = frozenset()
+    """Communication IDs of its vehicle, if they are known."""
 
     def inputs(self) -> Iterator[PlayedInput]:
         """Yield the inputs with times since the first one.
@@ -99,25 +104,37 @@ def of_black_box(drive: RecordedDrive) -> PlayedDrive:
     on_wires = topics & WIRES.keys()
     kinds = {topic.removeprefix("/in/") for topic in topics - on_wires if topic.startswith("/in/")}
     seen = frozenset() if IMAGES in on_wires else _CAMERA_KINDS
-    return _played(
+    played = _played(
         lambda: _in_order(_stamped_of(drive)),
         frozenset(WIRES[topic] for topic in on_wires),
         drive.header.utc_s - drive.header.now_s,
-        tuple(sorted(kinds & (seen | _OF_NO_WIRE))),
     )
+    left_out = tuple(sorted(kinds & (seen | _OF_NO_WIRE)))
+    before_s = played.start_s - drive.header.now_s
+    return replace(played, before_s=before_s, left_out=left_out, own_ids=own_ids(drive))
 
 
 def _played(
     stamped: Callable[[], Iterator[PlayedInput]],
     wires: frozenset[Wire],
     utc_offset_s: float | None,
-    left_out: tuple[str, ...] = (),
 ) -> PlayedDrive:
     first = next(stamped(), None)
     if first is None:
         raise UserError("nothing to play: no readable CAN frame, WSM, fix, picture or detection")
     start_utc_s = None if utc_offset_s is None else first.at_s + utc_offset_s
-    return PlayedDrive(stamped, wires, first.at_s, start_utc_s, left_out)
+    return PlayedDrive(stamped, wires, first.at_s, start_utc_s)
+
+
+def own_ids(drive: RecordedDrive) -> frozenset[CarId]:
+    """Return the communication IDs of the vehicle itself in a recorded drive."""
+    own = drive.header.config["car"]["plate"]
+    identities = (as_input(each) for each in drive.entries() if each.topic == "/in/identity")
+    return frozenset(
+        each.car_id[: len(NO_ID)]
+        for each in identities
+        if isinstance(each, Identity) and each.plate == own
+    )
 
 
 class PlayedEntries(RecordedDrive):

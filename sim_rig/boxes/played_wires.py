@@ -16,6 +16,7 @@ from sim_rig.boxes.settings import BoxSettings
 from sim_rig.cars.device_line import SerialLine, UdpLine
 from sim_rig.cars.pushed_pictures import PushedPictures
 from sim_rig.cars.socketcand_server import SocketcandServer
+from sim_rig.radio.iwcu import wsm_reader
 from sim_rig.scenario.wire_settings import BusWire, CameraWire, RadioWire, SatelliteWire
 
 
@@ -27,6 +28,8 @@ class PlayedWires:
         self._send: dict[Wire, Callable[[PlayedInput], None]] = {}
         self._is_used: dict[Wire, Callable[[], bool]] = {}
         self._received: Counter[Wire] = Counter()
+        self.on_wsm: Callable[[bytes], None] = _ignore
+        """Called with each WSM that the box sends."""
 
     async def open(self, car: str, box: BoxSettings, edges: AsyncExitStack) -> None:
         """Open the wires until `edges` are closed.
@@ -90,9 +93,10 @@ class PlayedWires:
         self._is_used["camera"] = lambda: pictures.clients > 0
 
     def _open_radio(self, wire: RadioWire, edges: AsyncExitStack) -> None:
+        read = wsm_reader(wire)
         unit = DrainedSocket(
             udp_socket(str(wire.host), wire.port),
-            lambda _wsm: self._note("radio"),
+            lambda datagram: self._take_wsm(read(datagram, 0)[0]),
             lambda _why: None,  # the box is off, and gets ready in time or not
         )
         edges.callback(unit.close)
@@ -105,8 +109,16 @@ class PlayedWires:
         edges.enter_context(closing(line))
         self._send[name] = lambda played: line.send(played.data)
 
+    def _take_wsm(self, wsm: bytes) -> None:
+        self._note("radio")
+        self.on_wsm(wsm)
+
     def _note(self, wire: Wire) -> None:
         self._received[wire] += 1
+
+
+def _ignore(_wsm: bytes) -> None:
+    pass
 
 
 class _NoUnit:

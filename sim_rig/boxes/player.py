@@ -5,9 +5,11 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
+from sim_rig.boxes.awaited_answers import AwaitedAnswers
 from sim_rig.boxes.box_computer import BoxComputer
 from sim_rig.boxes.box_log import FLUSHED_AFTER_S
 from sim_rig.boxes.contact import BoxNotReadyError
@@ -45,6 +47,8 @@ class Played:
     until_s: float
     """How long the drive was played."""
     lateness: Sequence[LatenessLine]
+    unasked: int
+    """Answers in the drive to questions that the box has not asked; they were not played."""
     why_not_copied: str | None
     """Why there is no recording of the box; `None` if there is one."""
 
@@ -70,6 +74,8 @@ async def play(
     async with AsyncExitStack() as edges:
         await wires.open(car, box, edges)
         edges.push_async_callback(computer.stop)
+        if drive.start_utc_s is not None:  # the pseudonyms of the box change as the drive's
+            await computer.set_clock(drive.start_utc_s - drive.before_s)
         await computer.start()
         await _until_ready(wires, drive, car, box, computer)
         start_s = time.monotonic() + _BEGIN_S
@@ -77,10 +83,17 @@ async def play(
             await computer.set_clock(drive.start_utc_s - (start_s - time.monotonic()))
         lateness = Lateness()
         inputs = (each for each in drive.inputs() if each.at_s <= seconds)
-        first, until_s = await _play(inputs, wires, start_s, lateness)
+        answers = AwaitedAnswers(drive.own_ids if "camera" in drive.wires else ())
+        wires.on_wsm = partial(_answer, answers, wires)
+        first, until_s = await _play(inputs, wires, answers, start_s, lateness)
         await asyncio.sleep(_EXTRA_S + FLUSHED_AFTER_S)
         why_not_copied = await computer.finish()
-    return Played(first, until_s, tuple(lateness.lines()), why_not_copied)
+    return Played(first, until_s, tuple(lateness.lines()), answers.waiting, why_not_copied)
+
+
+def _answer(answers: AwaitedAnswers, wires: PlayedWires, wsm: bytes) -> None:
+    for each in answers.receive_wsm(wsm):
+        wires.send(each)
 
 
 async def _until_ready(
@@ -102,7 +115,11 @@ async def _until_ready(
 
 
 async def _play(
-    inputs: Iterator[PlayedInput], wires: PlayedWires, start_s: float, lateness: Lateness
+    inputs: Iterator[PlayedInput],
+    wires: PlayedWires,
+    answers: AwaitedAnswers,
+    start_s: float,
+    lateness: Lateness,
 ) -> tuple[list[PlayedInput], float]:
     """Return the first inputs, and the time of the last one in the drive, s."""
     first: list[PlayedInput] = []
@@ -114,7 +131,8 @@ async def _play(
             at = start_s + each.at_s
             if (wait_s := at - time.monotonic()) > 0.0:
                 await asyncio.sleep(wait_s)
-            wires.send(each)
+            if not answers.hold(each):
+                wires.send(each)
             lateness.note(_KINDS[each.wire], time.monotonic() - at)
             until_s = each.at_s
         first += some[: max(0, _FIRST - len(first))]

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from onboard.errors import DecodeError
 from onboard.messages import lcca
 from onboard.messages.exchanged import MessageSent
+from onboard.messages.lcca import LccaMessage
 from onboard.security import ieee1609dot2
 from onboard.security.oer import Malformed, Unsupported
 from onboard.trace.trace_line import as_record
@@ -25,14 +26,20 @@ def sent_messages(from_box: Mapping[bytes, float]) -> list[Record]:
     return [as_record(each) for each in found if each is not None]
 
 
-def _sent(wsm: bytes, stamp_s: float) -> MessageSent | None:
+def lcca_message(wsm: bytes) -> LccaMessage | None:
     """Return the message in a WSM; `None` if it is of another service or malformed."""
     try:
         frame = wsmp.decode(wsm)
         if frame.psid != psid.LCCA:
             return None
-        message = lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
+        return lcca.decode(ieee1609dot2.decode(frame.payload).payload).message
     except (DecodeError, Malformed, Unsupported):
+        return None
+
+
+def _sent(wsm: bytes, stamp_s: float) -> MessageSent | None:
+    message = lcca_message(wsm)
+    if message is None:
         return None
     content = lcca.as_dict(message)
     return MessageSent(stamp_s, message.kind, message.user_priority, len(wsm), content)

@@ -57,7 +57,7 @@ class RadioUnits:
         unit.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
         self._sockets.append(unit)
         self._hand_over[car] = partial(_send, unit, (str(wire.box_host), wire.box_port))
-        read = _forwarded if wire.endpoint == "rsu41" else _as_received
+        read = wsm_reader(wire)
         asyncio.get_running_loop().add_reader(unit, self._receive, car, unit, read)
 
     def add_in_process(self, car: str, receive: Callable[[bytes], None]) -> None:
@@ -115,6 +115,14 @@ class RadioUnits:
             if planned is not None:
                 planned.cancel()
             self._timer = asyncio.get_running_loop().call_at(at, self._step)
+
+
+def wsm_reader(wire: RadioWire) -> Callable[[bytes, int], tuple[bytes, int]]:
+    """Return what reads a datagram to the unit of a wire, and its IP precedence.
+
+    It returns the WSM and its user priority.
+    """
+    return _forwarded if wire.endpoint == "rsu41" else _as_received
 
 
 def _as_received(datagram: bytes, ip_precedence: int) -> tuple[bytes, int]:

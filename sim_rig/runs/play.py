@@ -18,7 +18,6 @@ from sim_rig.boxes.played_decisions import (
     DriveSource,
     NotPlayedError,
     compare_decisions,
-    own_ids,
 )
 from sim_rig.boxes.played_drive import (
     PlayedDrive,
@@ -48,7 +47,6 @@ def black_box_source(paths: Sequence[Path]) -> DriveSource:
         drive,
         lambda: (event for step in replay.play(replayed) for event in step.events),
         recorded.header,
-        frozenset(own_ids(recorded)),
     )
 
 
@@ -87,6 +85,8 @@ def play_drive(source: DriveSource, file: Path, out: Path, seconds: float) -> Ou
         console.print(f"not played, since they are on no wire: {kinds}", soft_wrap=True)
     played = run_until_terminated(play(source.drive, car, box, folder, seconds))
     console.print(lateness_table(played.lateness))
+    if played.unasked:
+        console.print(f"not played, since the box did not ask: {played.unasked} answers")
     if played.why_not_copied is not None:
         return _invalid(f"not judged: {played.why_not_copied}", console)
     assert box.recording is not None  # noqa: S101 (required above)

@@ -19,13 +19,13 @@ from onboard.replay import replay
 from onboard.tools.export import write_candump, write_pcap
 from onboard.tools.replay import RawRecording
 from onboard.trace.trace_line import Event
-from sim_rig.boxes.played_decisions import own_ids
 from sim_rig.boxes.played_drive import (
     PlayedEntries,
     PlayedInput,
     Received,
     of_black_box,
     of_raw_recordings,
+    own_ids,
     start_on_clock_of,
 )
 from tests.recorder.headers import HEADER
@@ -55,6 +55,7 @@ def test_a_black_box_recording_is_played_in_its_own_time_base() -> None:
     assert {each.at_s + drive.start_s for each in played} <= set(steps) | {drive.start_s}
     begins_s = drive.start_s - recorded.header.now_s
     assert drive.start_utc_s == pytest.approx(recorded.header.utc_s + begins_s)
+    assert drive.before_s == pytest.approx(begins_s)
 
 
 def test_what_is_on_no_wire_is_left_out_of_the_replay_too() -> None:
@@ -189,4 +190,4 @@ def test_the_communication_ids_of_a_vehicle_are_in_its_recording() -> None:
         for entry in RecordedDrive([LIVE]).entries()
         if entry.topic == "/out/sent" and "sender_id" in entry.record["content"]
     ]
-    assert {own.hex()[: len(sent[0])]} == set(sent)
+    assert {own.hex()} == set(sent)
