@@ -64,6 +64,11 @@ box-test: .venv/ready ## the box in namespaces, as root
 box-ladder: .venv/ready ## a scenario from virtual time up to the installed box, as root
 	$(PYTHON) -m deploy.vm.ladder
 
+# Installations of build/box that are ended at random moments; another call goes on.
+.PHONY: power-cuts
+power-cuts: .venv/ready box ## 50 installations that are cut: does every box come up?
+	$(PYTHON) -m deploy.power_cuts build/box --table docs/tables/power-cuts.csv
+
 # The rig and a box without hardware: a daemon in namespaces; no root.
 .PHONY: hil-test
 hil-test: .venv/ready ## rig and box without hardware

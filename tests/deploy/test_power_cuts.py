@@ -1,10 +1,6 @@
 """The power is cut at random moments of installations: what does the box start afterwards?"""
 
-import fcntl
-import os
 import shutil
-import signal
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -13,34 +9,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deploy.power_cuts import NONE, CutInstallation, cut, with_other_name, write_table
+from deploy.releases import Bundle
 from tests.deploy.bundles import boot, install, make_bundle
 
 CUTS = 50
-NONE = "not installed"
 OLD, NEW = "0.2.0+20261117.aaaaaaaaa", "0.3.0+20261124.bbbbbbbbb"
 
 
-def cut(bundle: Path, root: Path, after_s: float) -> bool:
-    """Begin to install, and end every process of it at once; return whether it was not done yet."""
-    process = subprocess.Popen(
-        ["sh", bundle / "install.sh"],
-        env=os.environ | {"ONBOARD_ROOT": str(root)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
-        process.wait(after_s)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        lock = root / "opt" / "onboard" / "lock"
-        if lock.exists():  # its children have it until they are gone
-            with lock.open("rb") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)
-        return True
-    return False
+def test_a_folder_under_another_name_is_another_release(tmp_path: Path) -> None:
+    bundle = make_bundle(tmp_path / "new", NEW)
+    other = Bundle(with_other_name(bundle, tmp_path / "other"))
+    assert other.name == f"{NEW}.before"
+    assert Bundle(bundle).name == NEW
+
+
+def test_the_table_counts_what_came_up(tmp_path: Path) -> None:
+    done = [
+        CutInstallation(0, "first", "3.00", "old"),
+        CutInstallation(1, "update", "9.50", "new"),
+        CutInstallation(2, "first", "4.25", "203/EXEC: No such file or directory"),
+    ]
+    write_table(tmp_path / "table.csv", done)
+    assert (tmp_path / "table.csv").read_text().splitlines() == [
+        "installation,cuts,old,new,neither,latest_cut_s",
+        "first,2,1,0,1,4.2",
+        "update,1,0,1,0,9.5",
+    ]
 
 
 @pytest.mark.long
@@ -60,7 +55,7 @@ def test_every_box_starts_the_old_or_the_new_release_after_a_power_cut(tmp_path:
         wanted = NEW if before == OLD else OLD
         shutil.rmtree(root / "opt/onboard/releases" / wanted, ignore_errors=True)  # built again
         began_s = time.monotonic()
-        was_cut = cut(bundles[wanted], root, rng.uniform(0.0, takes_s))
+        was_cut = cut(bundles[wanted] / "install.sh", root, rng.uniform(0.0, takes_s))
         after = boot(root).removesuffix(" drives")
         if was_cut:
             step = "first" if is_first else "update" if wanted == NEW else "downgrade"
