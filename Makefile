@@ -69,10 +69,11 @@ box-ladder: .venv/ready ## a scenario from virtual time up to the installed box,
 power-cuts: .venv/ready box ## 50 installations that are cut: does every box come up?
 	$(PYTHON) -m deploy.power_cuts build/box --table docs/tables/power-cuts.csv
 
-# The rig and a box without hardware: a daemon in namespaces; no root.
+# The rig and a box without hardware: a daemon in namespaces; no root. Then recordings of other kinds.
 .PHONY: hil-test
 hil-test: .venv/ready ## rig and box without hardware
 	PYTHON=$(PYTHON) examples/box/namespaces.sh
+	$(PYTHON) -m pytest -m live tests/sim_rig/runs/test_play.py
 
 # The drives that tests replay, recorded anew after a change of the cores that is meant.
 drives: .venv/ready ## records the drives of the tests anew

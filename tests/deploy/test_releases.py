@@ -2,9 +2,11 @@
 
 import fcntl
 import hashlib
+import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -268,6 +270,31 @@ def test_a_release_that_cannot_read_the_configuration_is_not_taken(tmp_path: Pat
     assert "cannot read" in done.stdout
     assert "watch: unknown key" in done.stdout
     assert boot(root) == f"{OLD} drives"
+
+
+def date_all(folder: Path, utc_s: float) -> None:
+    for path in folder.rglob("*"):
+        os.utime(path, (utc_s, utc_s), follow_symlinks=False)
+
+
+@pytest.mark.long
+def test_a_clock_that_is_set_back_before_and_within_an_update_changes_nothing(
+    tmp_path: Path,
+) -> None:
+    """What is installed is then of the future, an installation that was cut among it."""
+    root, in_a_year_s = tmp_path / "root", time.time() + 366 * 86_400.0
+    old, new = (make_bundle(tmp_path / name, name) for name in (OLD, NEW))
+    assert install(old, root).returncode == 0
+    cut = root / "opt/onboard/releases" / NEW / "venv"
+    cut.mkdir(parents=True)
+    (cut / "left").touch()
+    for bundle, name in ((new, NEW), (old, OLD)):
+        date_all(root, in_a_year_s)
+        date_all(bundle, in_a_year_s)
+        done = install(bundle, root)
+        assert done.returncode == 0, done.stdout
+        assert boot(root) == f"{name} drives"
+    assert not (cut / "left").exists()
 
 
 def make_roots(folder: Path) -> None:

@@ -107,6 +107,33 @@ def test_pictures_positions_and_detections_of_a_black_box_are_played(tmp_path: P
     assert (received.altitude_m, received.sigma_m) == (None, 1.5)
 
 
+def test_a_recording_that_is_cut_in_the_middle_is_played_up_to_the_cut(tmp_path: Path) -> None:
+    whole = list(of_black_box(RecordedDrive([LIVE])).inputs())
+    (tmp_path / "cut.mcap").write_bytes(LIVE.read_bytes()[: LIVE.stat().st_size // 2])
+    played = list(of_black_box(RecordedDrive([tmp_path / "cut.mcap"])).inputs())
+    assert len(whole) / 10 < len(played) < len(whole)
+    assert played == whole[: len(played)]
+
+
+def test_after_a_clock_step_fixes_have_the_utc_of_the_new_clock(tmp_path: Path) -> None:
+    begin_s, stepped_s = HEADER.now_s, HEADER.utc_s + 600.0
+    steps = [(0.2, HEADER.utc_s), (1.2, stepped_s), (2.2, stepped_s)]
+    values: list[tuple[float, str, Event]] = []
+    for at_s, utc_s in steps:
+        fix = Position(begin_s + at_s - 0.1, 56.0, 10.0, None, 1.5, 15.0, 0.5)
+        values.append((at_s, "/in/position", fix))
+        values.append((at_s, "/in/step", StepEnd(begin_s + at_s, utc_s + at_s)))
+    drive = of_black_box(recording_of(tmp_path / "drive-0000.mcap", *values))
+    played = list(drive.inputs())
+    assert [about(each.at_s, 1e-6) for each in played] == [0.0, 1.0, 2.0], "the drive goes on"
+    gnss = NmeaReader()
+    gnss.receive_bytes(played[-1].data)
+    gnss.receive_end()
+    received = gnss.next_event()
+    assert isinstance(received, Position)
+    assert received.stamp_s == pytest.approx(stepped_s + 2.1, abs=0.01)
+
+
 def test_logs_and_capture_are_played_in_one_time_base(tmp_path: Path) -> None:
     recorded = RecordedDrive([LIVE])
     with (tmp_path / "bus.log").open("wb") as bus, (tmp_path / "radio.pcap").open("wb") as radio:

@@ -2,6 +2,7 @@
 
 import math
 import socket
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,11 +12,14 @@ import yaml
 
 from onboard.errors import UserError
 from onboard.recorder.reader import RecordedDrive
+from onboard.risk.alarm import Alarm
 from onboard.tools.export import write_candump, write_pcap
 from onboard.tools.replay import RawRecording
 from sim_rig.boxes.played_decisions import DriveSource
+from sim_rig.boxes.played_drive import of_black_box
 from sim_rig.cars.camera_server import Camera
 from sim_rig.cars.camera_view import FPS, calibration
+from sim_rig.processes.gpsd import gpsd_program
 from sim_rig.reporting.verdict import Outcome
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.runs.play import black_box_source, play_drive, raw_source
@@ -96,31 +100,82 @@ def test_a_box_with_another_plate_than_the_drive_s_is_not_judged(
     assert "`car.plate` or `security.plate_digest` of the box" in capsys.readouterr().out
 
 
-@pytest.mark.live
-def test_a_clip_a_candump_and_a_capture_warn_a_box_as_they_warn_the_replay(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with what a candump, a camera and a capture recorded of cars in fig4."""
+    folder = tmp_path_factory.mktemp("recorded")
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 13.0})
-    run_virtual(scenario, recordings_folder=tmp_path / "virtual")
-    recorded = RecordedDrive([tmp_path / "virtual" / "red"])
-    with (tmp_path / "bus.log").open("wb") as bus, (tmp_path / "radio.pcap").open("wb") as radio:
-        write_candump(recorded, bus)
-        write_pcap(recorded, radio)
+    run_virtual(scenario, recordings_folder=folder / "virtual")
+    for car in ("green", "red"):
+        (folder / car).mkdir()
+        export(RecordedDrive([folder / "virtual" / car]), folder / car)
     camera = Camera(scenario, BreakpointRoad(scenario), "red", np.random.SeedSequence(1))
-    (tmp_path / "clip").mkdir()
+    (folder / "clip").mkdir()
     for number in range(int(scenario.duration_s * FPS)):
         jpeg = camera.jpeg(number / FPS)
-        (tmp_path / "clip" / f"{number:03}.jpg").write_bytes(jpeg)
+        (folder / "clip" / f"{number:03}.jpg").write_bytes(jpeg)
+    return folder
+
+
+def export(drive: RecordedDrive, folder: Path) -> None:
+    with (folder / "bus.log").open("wb") as bus, (folder / "radio.pcap").open("wb") as radio:
+        write_candump(drive, bus)
+        write_pcap(drive, radio)
+
+
+@pytest.mark.live
+@pytest.mark.parametrize(
+    ("car", "kinds", "decision"),
+    [("red", "clip pcap", "alarm"), ("green", "pcap", "hard_brake")],
+)
+def test_a_candump_with_a_clip_or_a_capture_is_decided_as_in_the_replay(
+    *,
+    recorded: Path,
+    car: str,
+    kinds: str,
+    decision: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     raw = RawRecording(
-        can=tmp_path / "bus.log",
-        clip=str(tmp_path / "clip"),
+        can=recorded / car / "bus.log",
+        clip=str(recorded / "clip") if "clip" in kinds else None,
         fps=FPS,
-        pcap=tmp_path / "radio.pcap",
+        pcap=recorded / car / "radio.pcap" if "pcap" in kinds else None,
     )
-    file = box_in(tmp_path, scenario.cars["red"].identity)
+    file = box_in(tmp_path, load_scenario("fig4").cars[car].identity)
     source = raw_source(raw, tmp_path / "car.yaml")
-    assert any(event.kind == "warning" for event in source.replay())
+    assert decision in {event.kind for event in source.replay()}
     outcome, printed = played(source, file, capsys)
+    assert outcome is Outcome.PASSED, printed
+
+
+@pytest.mark.live
+@pytest.mark.skipif(gpsd_program() is None, reason="no gpsd")
+def test_a_candump_a_receiver_s_log_and_a_capture_raise_the_alarm_of_the_replay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = load_scenario("red-light")
+    run_virtual(scenario, recordings_folder=tmp_path / "virtual")
+    drive = RecordedDrive([tmp_path / "virtual" / "ann"])
+    export(drive, tmp_path)
+    fixes = [each.data for each in of_black_box(drive).inputs() if each.wire == "satellites"]
+    (tmp_path / "drive.nmea").write_bytes(b"".join(fixes))
+    raw = RawRecording(
+        can=tmp_path / "bus.log", gnss=tmp_path / "drive.nmea", pcap=tmp_path / "radio.pcap"
+    )
+    gpsd, receiver = free_port(socket.SOCK_STREAM), free_port(socket.SOCK_DGRAM)
+    file = box_in(tmp_path, scenario.cars["ann"].identity, gnss={"port": gpsd})
+    box = yaml.safe_load(file.read_text()) | {"satellites": {"port": receiver}}
+    file.write_text(yaml.safe_dump(box))
+    source = raw_source(raw, tmp_path / "car.yaml")
+    assert {"ima"} <= {event.cause for event in source.replay() if isinstance(event, Alarm)}
+    command = [gpsd_program() or "gpsd", "-N", "-n", "-S", str(gpsd), f"udp://127.0.0.1:{receiver}"]
+    with subprocess.Popen(command) as process:
+        try:
+            outcome, printed = played(source, file, capsys)
+        finally:
+            process.terminate()
     assert outcome is Outcome.PASSED, printed
 
 
