@@ -41,6 +41,7 @@ vision-figures: .venv/ready ## the camera's figures, measured and written to its
 pictures: .venv/ready ## the pictures of the pages in docs
 	@sh tools/system-packages.sh chromium
 	$(PYTHON) -m tools.page_pictures
+	$(PYTHON) -m tools.wiring_picture
 
 # Every scenario with real daemons, one after the other: some ten minutes.
 test-live: .venv/ready ## every scenario with real daemons
