@@ -74,14 +74,20 @@ def cut(install_sh: Path, root: Path, after_s: float) -> bool:
     try:
         process.wait(after_s)
     except subprocess.TimeoutExpired:
+        return True
+    finally:
+        _end(process, root)
+    return False
+
+
+def _end(process: subprocess.Popen[bytes], root: Path) -> None:
+    if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         lock = root / "opt" / "onboard" / "lock"
         if lock.exists():  # its children have it until they are gone
             with lock.open("rb") as file:
                 fcntl.flock(file, fcntl.LOCK_EX)
-        return True
-    return False
 
 
 def _install(install_sh: Path, root: Path) -> subprocess.Popen[bytes]:
