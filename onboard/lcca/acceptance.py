@@ -6,7 +6,7 @@ braking vehicle is: a member that missed the first copy may accept the one that 
 repeats.
 
 That a braking is over, and nothing else, silences an alarm. So it is accepted from the predecessor
-only, and goes from each vehicle to the next one.
+only, and goes from each vehicle to the next one, unless its vehicle is known to have signed it.
 
 While an update about a new leader is on its way, leader and number lag. The predecessor is ahead
 and in the own group whatever its header says, so it is always accepted.
@@ -23,6 +23,7 @@ def warn_refusal(
     position: GroupPosition,
     *,
     from_predecessor: bool,
+    is_proved: bool,
     lifetime_s: float,
 ) -> str | None:
     """Return why the first copy of a warning is refused, or `None` if it is accepted.
@@ -32,6 +33,7 @@ def warn_refusal(
         state: the receiver's state.
         position: the receiver's position in its group.
         from_predecessor: whether the receiver's predecessor sent this copy.
+        is_proved: whether the braking vehicle is known to have stated it.
         lifetime_s: age above which a warning is refused.
     """
     if warn.age_s > lifetime_s:
@@ -44,4 +46,4 @@ def warn_refusal(
         return "other_group"
     if warn.origin_number >= position.number:
         return "from_behind"
-    return "not_followed" if warn.cause is WarnCause.OVER else None
+    return "not_followed" if warn.cause is WarnCause.OVER and not is_proved else None

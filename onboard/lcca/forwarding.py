@@ -75,15 +75,11 @@ def _made_at(warn: Warn, now: float) -> float:
     return now - warn.age_s if warn.stated_at_s is None else warn.stated_at_s
 
 
-def reach_of_cause(cause: WarnCause | int, reach: int) -> int:
-    """Return how many vehicles behind a warning is repeated: its end, by the next one each time."""
-    return min(reach, 1) if cause is WarnCause.OVER else reach
-
-
 class Reach:
     """How many vehicles behind in the group the radio reaches."""
 
-    def __init__(self, parameters: GroupParameters) -> None:
+    def __init__(self, parameters: GroupParameters, *, proves_ids: bool = False) -> None:
+        self._proves_ids = proves_ids
         self._lifetime_s = _REACH_REFRESHES * parameters.refresh_s
         self._received: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
         """Distance and time of the last message, the oldest first."""
@@ -108,6 +104,14 @@ class Reach:
         horizon = now - self._lifetime_s
         recent = [distance for distance, at in self._received.values() if at >= horizon]
         return min(max(recent, default=0), len(recent))
+
+    def of_cause(self, cause: WarnCause | int, now: float) -> int:
+        """Return how many vehicles behind a warning is to be repeated.
+
+        The end of a braking that is not proved is believed by the next vehicle only.
+        """
+        distance = self.distance(now)
+        return min(distance, 1) if cause is WarnCause.OVER and not self._proves_ids else distance
 
     def _forget(self, now: float) -> None:
         while self._received and next(iter(self._received.values()))[1] < now - self._lifetime_s:
@@ -302,7 +306,7 @@ class Forwarding:
             sender_id=sender_id,
             leader_id=leader_id,
             number=number,
-            reach=reach_of_cause(warn.cause, self._reach.distance(now)),
+            reach=self._reach.of_cause(warn.cause, now),
             origin_number=origin_number,
             age_s=age_s,
             hops=min(warn.hops + (entry.distance != 0), 255),

@@ -23,7 +23,7 @@ from onboard.lcca.events import (
     WarningRaised,
 )
 from onboard.lcca.followers import Followers
-from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of, reach_of_cause
+from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
 from onboard.lcca.group_position import LARGEST_ADVANCE, GroupPosition
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
@@ -60,7 +60,12 @@ class WarningGroup(Core):
     """State, membership, followers and forwarding of one vehicle."""
 
     def __init__(
-        self, parameters: GroupParameters, own_id: CarId, rng: np.random.Generator
+        self,
+        parameters: GroupParameters,
+        own_id: CarId,
+        rng: np.random.Generator,
+        *,
+        proves_ids: bool = False,
     ) -> None:
         """Start as REGULAR.
 
@@ -68,7 +73,10 @@ class WarningGroup(Core):
             parameters: of the protocol.
             own_id: the own communication ID.
             rng: for start values of sequence numbers and random delays.
+            proves_ids: whether certificates name the IDs of their vehicles: what a braking vehicle
+                has signed is then its own statement, whoever repeats it.
         """
+        self._proves_ids = proves_ids
         self._parameters = parameters
         self._rng = rng
         self._adjacent_ids = AdjacentIds(parameters.id_change_s)
@@ -79,7 +87,7 @@ class WarningGroup(Core):
         self._lead_monitor = LeadMonitor(parameters)
         self._membership = Membership(parameters, self._lead_monitor, rng)
         self._followers = Followers(parameters.membership_lifetime_s)
-        self._reach = Reach(parameters)
+        self._reach = Reach(parameters, proves_ids=proves_ids)
         self._forwarding = Forwarding(parameters, self._position, self._followers, self._reach, rng)
         self._own_braking = OwnBraking(parameters, rng)
         self._active_warnings = ActiveWarnings(parameters)
@@ -416,6 +424,7 @@ class WarningGroup(Core):
             self._state,
             self._position,
             from_predecessor=self._is_from_predecessor(warn),
+            is_proved=self._proves_ids and warn.stated_at_s is not None,
             lifetime_s=self._parameters.event_lifetime_s,
         )
 
@@ -438,7 +447,7 @@ class WarningGroup(Core):
             *self._position.header,
             event_origin_id=braking.origin_id,
             event_sequence=sequence,
-            reach=reach_of_cause(braking.cause, self._reach.distance(now)),
+            reach=self._reach.of_cause(braking.cause, now),
             origin_number=self._position.number,
             first_sequence=sequence if braking.first_sequence is None else braking.first_sequence,
             cause=braking.cause,

@@ -70,7 +70,9 @@ class LccaApplication:
         self.utc_offset_s = utc_offset_s
         self._misbehaviour = misbehaviour
         self._claims = claims
-        self.group = WarningGroup(parameters, pseudonym.car_id, rng)
+        self.group = WarningGroup(
+            parameters, pseudonym.car_id, rng, proves_ids=bool(pseudonym.proof)
+        )
         self.identification = Identification(pseudonym.car_id, pseudonym.temporary_id, rng)
         self._pending_warnings = PendingWarnings(misbehaviour)
         self._replies = ReplyLimit()

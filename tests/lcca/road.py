@@ -7,7 +7,7 @@ its camera and its bus would say, never where it is.
 import heapq
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import count
 
@@ -94,8 +94,15 @@ class Road:
     """Cars, each with a camera frame and a speed sample every `FRAME_S`, and the air."""
 
     def __init__(
-        self, air: Air | None = None, parameters: GroupParameters | None = None, seed: int = 0
+        self,
+        air: Air | None = None,
+        parameters: GroupParameters | None = None,
+        seed: int = 0,
+        *,
+        proves_ids: bool = False,
     ) -> None:
+        """Start; with `proves_ids`, warnings bear what their vehicles have signed."""
+        self.proves_ids = proves_ids
         self.air = air or Air()
         self.parameters = parameters or GroupParameters()
         self.now = 0.0
@@ -113,7 +120,8 @@ class Road:
 
     def add(self, name: str, position_m: float, lane: int = 0, speed_m_s: float = 20.0) -> Car:
         rng = np.random.default_rng(self._rng.integers(1 << 32))
-        group = WarningGroup(self.parameters, car_id(name, self.epoch), rng)
+        own_id = car_id(name, self.epoch)
+        group = WarningGroup(self.parameters, own_id, rng, proves_ids=self.proves_ids)
         car = self.cars[name] = Car(name, group, lane, position_m, speed_m_s, self.epoch)
         group.receive_next_own_id(car_id(name, self.epoch + 1))
         self._at(self.now + float(self._rng.uniform(0.0, FRAME_S)), lambda: self._frame(car))
@@ -273,6 +281,8 @@ class Road:
         if self._is_here(car) and car.has_radio:
             message = decode(data).message
             assert isinstance(message, GroupMessage)
+            if self.proves_ids and isinstance(message, Warn):
+                message = replace(message, stated_at_s=self.now - message.age_s)
             car.group.receive_message(message, self.now)
             self._serve(car)
 

@@ -5,9 +5,16 @@ import networkx as nx
 from tests.lcca.road import Air, Road, places, true_places
 
 
-def row(names: str, air: Air | None = None, seed: int = 0, gap_m: float = 20.0) -> Road:
+def row(
+    names: str,
+    air: Air | None = None,
+    seed: int = 0,
+    gap_m: float = 20.0,
+    *,
+    proves_ids: bool = False,
+) -> Road:
     """One group in one lane, formed."""
-    road = Road(air, seed=seed)
+    road = Road(air, seed=seed, proves_ids=proves_ids)
     road.add_row(names, gap_m)
     road.run(5.0)
     assert places(road) == true_places(road)

@@ -20,10 +20,10 @@ A, B, C = (car_id(name) for name in "ABC")
 class Listener:
     """B, a member of A's group with number 2, followed by C."""
 
-    def __init__(self, **changes: float) -> None:
+    def __init__(self, *, proves_ids: bool = False, **changes: float) -> None:
         prompt = {"spread_s": 0.0}
         instantly = GroupParameters(**(prompt | changes))  # type: ignore[arg-type]
-        self.group = WarningGroup(instantly, B, np.random.default_rng(1))
+        self.group = WarningGroup(instantly, B, np.random.default_rng(1), proves_ids=proves_ids)
         self.group.receive_speed(20.0, 0.0)
         self.group.receive_lead(MeasuredLead(A, 20.0, 0.0), 0.0)
         (join,) = self.group.messages_to_send(0.0)
@@ -83,6 +83,22 @@ def test_a_member_accepts_or_refuses_a_warning(
     changes: dict[str, object], words: list[str]
 ) -> None:
     assert Listener().hears(warn(**changes)) == words
+
+
+@pytest.mark.parametrize("proves_ids", [False, True])
+@pytest.mark.parametrize("stated_at_s", [None, -0.1])
+def test_only_the_next_vehicle_or_proof_ends_a_braking(
+    proves_ids: bool, stated_at_s: float | None
+) -> None:
+    car = Listener(proves_ids=proves_ids)
+    car.hears(warn())
+    over = warn(event_sequence=6, cause=WarnCause.OVER)
+    repeated = replace(over, sender_id=OUTSIDER, stated_at_s=stated_at_s)
+
+    ended = car.hears(repeated) == ["warning_over"]
+
+    assert ended is (proves_ids and stated_at_s is not None)
+    assert ended or car.hears(over) == ["warning_over"]
 
 
 def test_every_further_copy_of_a_warning_is_a_duplicate() -> None:

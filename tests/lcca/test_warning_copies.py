@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from onboard.lcca.events import WarningOver
 from onboard.messages.lcca import Join, Update
 from tests.lcca.road import Air, Road, places, true_places
 from tests.lcca.rows import fewest_transmissions, row
@@ -41,6 +42,35 @@ def test_on_a_perfect_channel_the_number_of_copies_is_minimal(
             # Repeated at once: only the air takes time.
             assert warning.stamp_s - braked_at == pytest.approx(hops * road.air.delay_s)
             assert warning.age_s == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("reach_m", [45.0, 110.0, 300.0])
+def test_the_end_of_a_braking_that_is_proved_takes_as_few_copies_as_its_begin(
+    reach_m: float,
+) -> None:
+    names = "ABCDEFGHIJKLMNOPQRSTUVWX"
+    road = row(names, Air(reach_m=reach_m), proves_ids=True)
+    road.brake("A")
+    road.run(0.9)
+    begun = len(road.warns())
+    road.release("A")
+    road.run(0.9)
+
+    assert begun == fewest_transmissions(road, "A", names[-1])
+    assert len(road.warns()) == 2 * begun
+    for car in list(road.cars.values())[1:]:
+        assert [each.reason for each in car.said if isinstance(each, WarningOver)] == ["over"]
+
+
+def test_the_end_of_a_braking_that_is_not_proved_is_repeated_by_each_vehicle() -> None:
+    road = row("ABCDEFGH")
+    road.brake("A")
+    road.run(0.9)
+    before = len(road.warns())
+    road.release("A")
+    road.run(0.9)
+
+    assert len(road.warns()) - before == len("ABCDEFG")
 
 
 @pytest.mark.parametrize("names", ["ABCDEF", "ABCDEFG", "ABCDEFGH"])

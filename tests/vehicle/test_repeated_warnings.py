@@ -90,6 +90,33 @@ def test_a_braking_that_its_vehicle_did_not_state_is_discarded(origin: str) -> N
     assert len(list(platoon.events_of("CCC3", "warning"))) == before
 
 
+@pytest.mark.parametrize("origin", ["none", "of the begin", "in another's name"])
+def test_nobody_else_ends_a_braking(origin: str) -> None:
+    platoon, insider = driven(), Insider()
+    begin = true_statement(platoon)
+    platoon.drive(0.2)
+    assert warned(platoon) == ["BBB2", "CCC3"]
+    stated = next(
+        pdu.message
+        for pdu in map(pdu_in, platoon.on_air)
+        if pdu is not None and isinstance(pdu.message, Warn)
+    )
+    over = replace(stated, event_sequence=stated.event_sequence + 1, cause=lcca.WarnCause.OVER)
+    secured = {
+        "none": b"",
+        "of the begin": begin,
+        "in another's name": secured_in(insider.wsm(over, platoon.now)),
+    }[origin]
+    copy = replace(over, sender_id=insider.pseudonym(platoon.now).car_id, hops=2)
+    for plate in ("BBB2", "CCC3"):
+        platoon.receive(plate, insider.wsm(copy, platoon.now, origin=secured))
+    platoon.settle()
+
+    for plate in ("BBB2", "CCC3"):
+        assert "unproved_origin" in reasons(platoon, plate)
+        assert not list(platoon.events_of(plate, "warning_over"))
+
+
 def true_statement(platoon: Platoon) -> bytes:
     """What the leader signs when it brakes."""
     brakes(platoon, "AAA1")
