@@ -105,7 +105,8 @@ PROOF: Check = (LccaLink, "_is_proved", _always)
 ORIGIN: Check = (LccaLink, "receive_pdu", _as_received)
 UNIQUE: Check = (MisbehaviourDetector, "is_id_unique", _always)
 BY_TEXT: Check = (identity_posterior, "READ", 2.0)
-SILENCE: Check = (identification, "MIN_ASKED_BESIDE_ANSWER", 2.0)
+IN_ROW: Check = (identity_posterior, "IN_ROW", 0.0)
+SILENCE: Check = (identification, "KEEPS_BACK", 2.0)
 OWN_SENSORS: Check = (RiskResponse, "_request_braking", _by_all)
 
 CONTROLS: dict[AttackKind, Control] = {
@@ -119,9 +120,9 @@ CONTROLS: dict[AttackKind, Control] = {
     AttackKind.TESTS: Control(
         ((AlarmClaims, "_admit_test", _always),), lambda counts: counts.false_alarm_s > 30.0
     ),
-    AttackKind.MIMICRY_BADLY_READ: Control((BY_TEXT,), _late),
-    AttackKind.ANSWERS: Control((BY_TEXT,), _late),
-    AttackKind.SILENT_MIMICRY: Control((SILENCE,), _missed),
+    AttackKind.MIMICRY_BADLY_READ: Control((BY_TEXT, IN_ROW), _late),
+    AttackKind.ANSWERS: Control((BY_TEXT, IN_ROW), _late),
+    AttackKind.SILENT_MIMICRY: Control((SILENCE, IN_ROW), _late),
     AttackKind.ORACLE: Control(
         ((asking.AnswerLimit, "take", _always),), lambda counts: counts.answers_per_s > 20.0
     ),
