@@ -280,7 +280,8 @@ class Identification(Core):
         for sender, temporary_id in self._temporary_ids.items():
             if temporary_id in names:
                 track.asked_by_motion[sender] = track.asked_by_motion.get(sender, 0) + 1
-        is_on_air = any(map(self._motion.is_on_air, track.asked_by_motion))
+        silent = track.asked_by_motion.keys() - track.answers.keys()
+        is_on_air = any(map(self._motion.is_on_air, silent))
         most_s = RETRY_ON_AIR_S if is_on_air else RETRY_MAX_S
         retry_s = min(RETRY_S * 2 ** min(track.inquiries - 1, _MAX_DOUBLINGS), most_s)
         self._ask_at = now + (retry_s if track.identity is None else RENEW_S)
