@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from onboard.errors import DecodeError
+from onboard.messages.bit_io import BitReader
 from onboard.messages.fields import Integer, OpenType, SequenceOf
 from onboard.messages.record import Record
 
@@ -49,6 +50,18 @@ REGION = Record(RegionalExtension)
 REGIONS = SequenceOf(REGION, 1, 4)
 
 
+def read(frame: bytes) -> MessageFrame:
+    """Read a MessageFrame, which says where it ends.
+
+    Some units hand over more than they received: the check sequence of the link layer, and what
+    their buffer had before. That is no part of the message.
+
+    Raises:
+        DecodeError: `too_short` or `too_long`.
+    """
+    return FRAME.take(BitReader(frame))
+
+
 def content_of(frame: bytes, message_id: int, name: str) -> bytes:
     """Return the encoded message in a MessageFrame.
 
@@ -58,9 +71,9 @@ def content_of(frame: bytes, message_id: int, name: str) -> bytes:
         name: short name of the expected message, for the reason.
 
     Raises:
-        DecodeError: `not_a_<name>` for another message; `too_short` or `trailing_bytes`.
+        DecodeError: `not_a_<name>` for another message; `too_short` or `too_long`.
     """
-    outer = FRAME.decode(frame)
+    outer = read(frame)
     if outer.message_id != message_id:
         raise DecodeError(f"not_a_{name}", f"message {outer.message_id}")
     return outer.content

@@ -431,7 +431,7 @@ def test_each_kind_of_invalid_bytes_has_its_decode_error() -> None:
     cases = {
         b"": "too_short",
         good[:-1]: "too_short",
-        good + b"\x00": "trailing_bytes",
+        good[:2] + bytes((good[2] + 1,)) + good[3:] + b"\x00": "trailing_bytes",
         b"\x00\x12" + good[2:]: "not_a_bsm",
         twice: "repeated",
         b"\x00\x14\xc4" + core: "too_long",
@@ -439,6 +439,14 @@ def test_each_kind_of_invalid_bytes_has_its_decode_error() -> None:
         ORACLE.encode("Frame", {"messageId": 20, "value": b"\x1f" + b"\xff" * 40}): "out_of_range",
     }
     assert {data: _reason(data) for data in cases} == cases
+
+
+@given(core=cores, safety=safeties, rest=st.binary(min_size=1, max_size=40))
+def test_what_follows_the_frame_is_no_part_of_the_message(
+    core: dict[str, Any], safety: Any, rest: bytes
+) -> None:
+    frame = framed(core, safety)
+    assert bsm.decode(frame + rest) == bsm.decode(frame)
 
 
 def _reason(data: bytes) -> str:

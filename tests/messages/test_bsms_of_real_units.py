@@ -2,6 +2,8 @@
 
 import json
 import math
+import zlib
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 
 from onboard.messages import bsm
 from onboard.messages.bsm_core import BrakeSystemStatus
+from onboard.tools.decode.describe import describe
 from tests.typed import a
 
 
@@ -67,3 +70,35 @@ def test_sixteen_of_them_have_the_si_values_of_another_decoder(rig_data: Path) -
         assert core.accuracy.semi_major_m == printed["accuracy"]["semiMajor"]
         assert core.accuracy.semi_minor_m == printed["accuracy"]["semiMinor"]
         assert core.brakes == BrakeSystemStatus()
+
+
+@pytest.mark.realdata
+def test_frames_followed_by_a_check_sequence_and_old_octets_of_a_buffer_are_read(
+    rig_data: Path,
+) -> None:
+    text = (rig_data / "wsm/trailing-bytes.jsonl").read_text()
+    rows = [json.loads(row) for row in text.splitlines()]
+    followed: dict[str, list[tuple[bytes, bytes]]] = {"BSM": [], "SRM": []}
+    for row in rows:
+        data = bytes.fromhex(row["mf"])
+        frame = data[: -row["bytes_after_frame"]]
+        followed[row["message"]].append((frame, data[len(frame) :]))
+        assert "error" not in describe(data)
+    for frame, rest in followed["BSM"]:
+        assert bsm.encode(bsm.decode(frame + rest)) == frame
+    assert [len(followed[message]) for message in ("BSM", "SRM")] == [60, 20]
+    for frames in followed.values():
+        # A CRC is linear: two frames that differ in these octets and in the 12 bits of the sequence
+        # number before them have check sequences that differ in a space of 12 dimensions, not 32.
+        residues = [int.from_bytes(rest[:4], "little") ^ zlib.crc32(f) for f, rest in frames]
+        assert _dimensions([each ^ residues[0] for each in residues]) <= 12
+
+
+def _dimensions(vectors: list[int]) -> int:
+    """Return the rank of vectors of bits."""
+    basis: list[int] = []
+    for vector in vectors:
+        rest = reduce(lambda left, each: min(left, left ^ each), basis, vector)
+        if rest:
+            basis.append(rest)
+    return len(basis)

@@ -167,7 +167,7 @@ def _element(element: wsmp.Element) -> dict[str, Any]:
 
 
 def _message_frame(data: bytes) -> _Layer:
-    frame = message_frame.FRAME.decode(data)
+    frame = message_frame.read(data)
     message_id = frame.message_id
     fields: dict[str, Any] = {"message_id": message_id}
     match message_id:
