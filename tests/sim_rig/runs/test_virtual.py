@@ -72,6 +72,7 @@ def test_another_seed_gives_other_noise_and_other_losses(lossy: Scenario) -> Non
     assert all(one[car] != other[car] for car in one)
 
 
+@pytest.mark.long
 def test_stamps_of_a_trace_never_exceed_the_run_and_messages_come_in_order(lossy: Scenario) -> None:
     log = run_virtual(lossy)
     for trace in log.traces.values():

@@ -97,6 +97,7 @@ def test_without_a_sensor_only_the_other_cars_messages_tell_of_it() -> None:
     assert STUDY.one(unseen, 0).cause == ""
 
 
+@pytest.mark.long
 def test_the_table_has_a_line_for_each_case_and_profile(tmp_path: Path) -> None:
     given = {"procedures": ["CCRs"], "profiles": ["bsm", "radar-150"], "runs": 1}
 
