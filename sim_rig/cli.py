@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 from onboard.errors import UserError
-from onboard.tools.version import VersionOption
+from onboard.tools.command_line import VersionOption, command_line
 from sim_rig.scenario.catalogue import scenario_titles
 from sim_rig.studies.campaigns.catalogue import (
     check_studies,
@@ -27,10 +27,8 @@ from sim_rig.studies.campaigns.catalogue import (
     study_settings,
 )
 
-app = typer.Typer(
-    help="Test rig for `onboard`: simulates the car's sensors, the radio and the other cars.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
+app = command_line(
+    "Test rig for `onboard`: simulates the car's sensors, the radio and the other cars."
 )
 
 
@@ -91,7 +89,8 @@ def run(
 ) -> None:
     """Run a scenario and print a report.
 
-    Exit with 1 if an expectation failed, and with 3 if a box could not be judged.
+    Exit with 1 if an expectation failed, and with 3 if nothing can be said: the machine was
+    busy, or a box could not be judged.
     """
     from sim_rig.runs.command import run_scenario  # noqa: PLC0415 (see above)
 
@@ -128,8 +127,9 @@ def ladder(
         ),
     ] = None,
 ) -> None:
-    """Run a scenario in virtual time, with processes, and with boxes; compare what was decided.
+    """Run a scenario on each rung: virtual time, processes, boxes.
 
+    Compares what was decided.
     Exit with 1 if an expectation failed on a rung, and with 3 if a box could not be judged.
     """
     from sim_rig.runs.ladder import climb  # noqa: PLC0415 (see above)
@@ -170,10 +170,10 @@ def play(
     ] = math.inf,
     out: Annotated[Path, typer.Option(help="Folder for recordings and logs.")] = Path("out"),
 ) -> None:
-    """Play a recorded drive on the wires of a box, and compare its decisions with a replay.
+    """Play a recorded drive on a box's wires, and compare decisions.
 
     Give a black box recording, or any of --can, --clip, --gnss and --pcap together. Exit with 1 if
-    the box decided otherwise, and with 3 if it could not be judged.
+    the box decided otherwise than a replay, and with 3 if it could not be judged.
     """
     from onboard.tools.replay import RawRecording  # noqa: PLC0415 (see above)
     from sim_rig.runs.play import black_box_source, play_drive, raw_source  # noqa: PLC0415
@@ -196,7 +196,7 @@ def doctor(
     ],
     out: Annotated[Path, typer.Option(help="Folder for traces and logs.")] = Path("out"),
 ) -> None:
-    """Let a box follow one car; print for each wire whether it hears and is heard.
+    """Let a box follow one car, and test both ways of each wire.
 
     Exit with 1 if something is missing.
     """
@@ -236,7 +236,7 @@ def study(
     ] = None,
 ) -> None:
     """Reproduce tables and figures of the papers from simulated drives."""
-    if "--help" in names:
+    if {"-h", "--help"} & set(names):
         typer.echo(_help_of(names, context))
         return
     from sim_rig.studies.campaigns.campaign import Workers  # noqa: PLC0415 (see above)
@@ -265,7 +265,7 @@ def show(
     ] = None,
     out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("out/run.html"),
 ) -> None:
-    """Write a run as an HTML page: the cars from above, with play, pause and step."""
+    """Write a run as an HTML page: the cars from above. It has play, pause and step."""
     with _writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         if number is None:

@@ -18,7 +18,7 @@ OPTIONAL_SECTIONS = (
 def check(
     config: Annotated[Path, typer.Argument(help="The car's configuration, a YAML file.")],
 ) -> None:
-    """Check a configuration: print every mistake, or the edges it uses. Opens no device."""
+    """Check a configuration: print its mistakes, or what it uses. Opens no device."""
     loaded = load_settings(config, CarConfig)
     read_signals(loaded.obd.broadcast)
     if loaded.brake_request is not None and loaded.brake_request.can is not None:

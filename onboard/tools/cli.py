@@ -2,18 +2,11 @@
 
 import sys
 
-import typer
-
 from onboard.errors import UserError
+from onboard.tools.command_line import VersionOption, command_line
 from onboard.tools.commands import LazyGroup
-from onboard.tools.version import VersionOption
 
-app = typer.Typer(
-    cls=LazyGroup,
-    help="The in-car daemon that warns the driver, and its tools.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+app = command_line("The in-car daemon that warns the driver, and its tools.", LazyGroup)
 
 
 @app.callback()

@@ -10,6 +10,8 @@ import typer
 import typer.core
 from typing_extensions import override
 
+from onboard.tools.command_line import command_line
+
 
 class Command(NamedTuple):
     """Where a command is, and what lists show of it."""
@@ -29,7 +31,7 @@ COMMANDS = {
     "check": Command(
         "onboard.tools.check_cli",
         "check",
-        "Check a configuration: print every mistake, or the edges it uses. Opens no device.",
+        "Check a configuration: print its mistakes, or what it uses. Opens no device.",
     ),
     "doctor": Command(
         "onboard.tools.doctor.cli",
@@ -39,17 +41,17 @@ COMMANDS = {
     "replay": Command(
         "onboard.tools.replay_cli",
         "replay",
-        "Replay a recorded drive; print observations and decisions, one JSON object a line.",
+        "Replay a recorded drive: print what was observed and decided. One JSON object a line.",
     ),
     "export": Command(
         "onboard.tools.recording_cli",
         "export",
-        "Export the radio and CAN frames of a black box recording, for other tools.",
+        "Export a recording's radio and CAN frames, for other tools.",
     ),
     "decode": Command(
         "onboard.tools.decode.cli",
         "decode",
-        "Print the radio messages in a capture or in lines of hex, one JSON object each.",
+        "Print the radio messages in a capture or in lines of hex. One JSON object each.",
     ),
     "see": Command(
         "onboard.tools.see.cli",
@@ -59,12 +61,12 @@ COMMANDS = {
     "calibrate": Command(
         "onboard.tools.calibrate.cli",
         "calibrate",
-        "Find the camera's lens and mounting, from images of a chessboard or of a plate.",
+        "Find the camera's lens and mounting. Images show a chessboard or a plate.",
     ),
     "keys": Command(
         "onboard.tools.test_ca.cli",
         "keys",
-        "Make and show IEEE 1609.2 certificates: a root, an authority, and those of each vehicle.",
+        "Make and show IEEE 1609.2 certificates. A root's, an authority's, and each vehicle's.",
     ),
 }
 
@@ -72,14 +74,12 @@ COMMANDS = {
 class LazyGroup(typer.core.TyperGroup):
     """Lists all commands, and imports the one that is used."""
 
-    @override
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(COMMANDS)
-
-    @override
-    def get_command(self, ctx: Any, cmd_name: str) -> typer.core.TyperCommand | None:
-        command = COMMANDS.get(cmd_name)
-        return None if command is None else typer.core.TyperCommand(cmd_name, help=command.help)
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = {
+            name: typer.core.TyperCommand(name, help=command.help)
+            for name, command in COMMANDS.items()
+        }
 
     @override
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -92,7 +92,7 @@ def imported(name: str) -> Any:
     module, attribute, _ = COMMANDS[name]
     command = getattr(import_module(module), attribute)
     if not isinstance(command, typer.Typer):
-        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        app = command_line(add_completion=False)
         app.command(name)(command)
         command = app
     return typer.main.get_command(command)

@@ -25,7 +25,7 @@ def export(
         Path | None, typer.Option(help="Write the CAN frames here, as `candump -l` does.")
     ] = None,
 ) -> None:
-    """Export the radio and CAN frames of a black box recording, for other tools."""
+    """Export a recording's radio and CAN frames, for other tools."""
     if pcap is None and candump is None:
         raise UserError("nothing to export: give --pcap or --candump, or both")
     drive = RecordedDrive(recording)

@@ -76,7 +76,7 @@ def replay(
         ),
     ] = OTHER_PROCESSOR,
 ) -> None:
-    """Replay a recorded drive; print observations and decisions, one JSON object a line.
+    """Replay a recorded drive: print what was observed and decided. One JSON object a line.
 
     Give a black box recording (BOX), or any of --can, --clip, --gnss and --pcap together. A clip
     has no time of its own: it starts at the first CAN frame, or else at the first fix or WSM.

@@ -1,14 +1,20 @@
 """What is asked often (help, completion, `check`) imports little: counted, since times vary."""
 
 import os
+import re
 import subprocess
 import sys
 from inspect import getdoc
 from itertools import takewhile
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from onboard.tools.cli import app as onboard
 from onboard.tools.commands import COMMANDS, imported
+from onboard.tools.test_ca.cli import keys
+from sim_rig.cli import app as sim_rig
 
 SLOW = ("aiohttp", "can", "cantools", "cryptography", "cv2", "mcap", "numpy", "onnxruntime",
         "onboard.runtime", "onboard.vehicle.stack", "structlog")  # fmt: skip
@@ -60,6 +66,14 @@ def test_it_imports_few_modules_and_none_that_is_slow(
 
     assert [name for name in SLOW if name in modules] == []
     assert len(modules) <= most
+
+
+@pytest.mark.parametrize("of", [onboard, sim_rig, keys])
+def test_help_shortens_no_sentence_and_gives_a_switch_no_type(of: typer.Typer) -> None:
+    shown = CliRunner().invoke(of, ["-h"], terminal_width=80).stdout
+
+    assert "Commands:" in shown
+    assert re.findall(r"<bool>|\w\.\.\.$", shown, re.MULTILINE) == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)

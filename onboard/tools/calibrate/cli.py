@@ -67,7 +67,7 @@ def calibrate(
     ] = None,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("CALIBRATION.yaml"),
 ) -> None:
-    """Find the camera's lens and mounting, from images of a chessboard or of a plate."""
+    """Find the camera's lens and mounting. Images show a chessboard or a plate."""
     if (upright is None) != (lowest_corners_m is None):
         raise UserError("--upright and --lowest-corners-m go together")
     shown = _still_frames(upright) if upright is not None else []

@@ -26,7 +26,7 @@ def decode(
         Form, typer.Option("--as", help="The outermost layer of the bytes.")
     ] = Form.AUTO,
 ) -> None:
-    """Print the radio messages in a capture or in lines of hex, one JSON object each.
+    """Print the radio messages in a capture or in lines of hex. One JSON object each.
 
     Signatures are not verified. What cannot be decoded has an error on its line. Exit with 1 if the
     file is neither a capture nor lines of hex.

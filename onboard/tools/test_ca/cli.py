@@ -20,13 +20,14 @@ from onboard.security.its_time import to_time32
 from onboard.security.pkcs11_token import Pkcs11Token
 from onboard.security.plate_digest import PlateDigest
 from onboard.settings import load_settings
+from onboard.tools.command_line import command_line
 from onboard.tools.test_ca import authority
 from onboard.vehicle.config import CarConfig
 from onboard.wave_udp import psid as psids
 
-keys = typer.Typer(
-    help="Make and show IEEE 1609.2 certificates: a root, an authority, and those of each vehicle.",
-    no_args_is_help=True,
+keys = command_line(
+    "Make and show IEEE 1609.2 certificates. A root's, an authority's, and each vehicle's.",
+    add_completion=False,
 )
 
 _BACKDATED_S = 3600.0
@@ -104,7 +105,7 @@ def car(
         ),
     ] = None,
 ) -> None:
-    """Make the pseudonym certificates of one vehicle, between which it changes as it drives."""
+    """Make the pseudonym certificates of one vehicle. It changes between them as it drives."""
     issuer = key_files.read_authority(issuing)
     if issuer.credential.certificate.issuer_id is None:
         raise key_files.KeyFilesError(
@@ -217,7 +218,7 @@ def verify(
 def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a vehicle or an authority.")],
 ) -> None:
-    """Check the folder of a vehicle or of an authority and list its certificates."""
+    """Check a folder of keys, and list its certificates."""
     if key_files.is_authority(folder):
         authority = key_files.read_authority(folder)
         for certificate in authority.roots + authority.authorities:
