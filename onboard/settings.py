@@ -38,6 +38,27 @@ Location = tuple[int | str, ...]
 MOST_ALIASED = 10_000
 """Values that the aliases of a file may stand for."""
 
+_MOST_SHOWN = 200
+"""Characters of a wrong value in an error."""
+_BINARY_KINDS = {
+    b"\x89PNG\r\n": "a PNG picture (onboard see)",
+    b"\xff\xd8\xff": "a JPEG picture (onboard see)",
+    b"\x89MCAP0\r\n": "an MCAP recording (onboard replay)",
+    b"\xa1\xb2\xc3\xd4": "a pcap capture (onboard decode)",
+    b"\xd4\xc3\xb2\xa1": "a pcap capture (onboard decode)",
+    b"\x0a\x0d\x0d\x0a": "a pcapng capture (onboard decode)",
+    b"LOGG": "a BLF log (onboard replay --can)",
+    b"MDF ": "an MDF log (onboard replay --can)",
+    b"\x1f\x8b": "compressed (gzip); unpack it",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
+    b"%PDF": "a PDF document",
+    b"\xff\xfe": "UTF-16 text; save it as UTF-8",
+    b"\xfe\xff": "UTF-16 text; save it as UTF-8",
+}
+"""By the first bytes, with what takes such a file."""
+_ISO_MEDIA = b"ftyp"
+"""At byte 4 of MP4 and MOV (ISO 14496-12, 4.3)."""
+
 
 class _Refused(yaml.MarkedYAMLError):
     """Valid YAML that is refused, since it hides a mistake."""
@@ -117,13 +138,28 @@ def parse_yaml(data: str | bytes, origin: str) -> object:
     """
     try:
         text = data if isinstance(data, str) else data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{origin}: not YAML: {_explain_no_text(error)}") from error
+    try:
         return yaml.load(text, _StrictLoader)  # noqa: S506 (a SafeLoader)
     except yaml.MarkedYAMLError as error:
         raise SettingsError(f"{origin}: {_describe(error)}") from error
-    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or the 31st of February
+    except (yaml.YAMLError, ValueError) as error:  # the 31st of February
         raise SettingsError(f"{origin}: not YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:
         raise SettingsError(f"{origin}: nested too deeply") from error
+
+
+def _explain_no_text(error: UnicodeDecodeError) -> str:
+    """Say what a file is whose content could not be decoded as UTF-8, or where it is not."""
+    data = error.object
+    kind = next((kind for start, kind in _BINARY_KINDS.items() if data.startswith(start)), None)
+    if kind is None and data[4:8] == _ISO_MEDIA:
+        kind = "a video (onboard see)"
+    if kind is not None:
+        return f"it is {kind}"
+    line = data.count(b"\n", 0, error.start) + 1
+    return f"line {line} is not UTF-8 (byte 0x{data[error.start]:02x}); save it as UTF-8"
 
 
 def _describe(error: yaml.MarkedYAMLError) -> str:
@@ -173,7 +209,9 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{field}: is required and missing"
     given, what = error["input"], error["msg"].removeprefix("Value error, ")
     if error["type"] == "extra_forbidden":
-        return f"{field}: unknown key (given {given!r}){_hint(error['loc'], schema)}"
+        return (
+            f"{field}: unknown key (given {_shortened(repr(given))}){_hint(error['loc'], schema)}"
+        )
     if error["type"] in {"model_type", "dict_type"}:
         what = "needs a line `key: value` for each of its settings"
     is_secret = _is_secret(error["loc"], schema)
@@ -186,7 +224,12 @@ def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
         return f"{field}: {what if least is None else f'needs at least {least} characters'}"
     # Of a whole section only the keys, since a value may be secret.
     shown = ", ".join(map(str, given)) if isinstance(given, dict) else repr(given)
-    return f"{field}: {what} (given {shown})"
+    return f"{field}: {what} (given {_shortened(shown)})"
+
+
+def _shortened(text: str) -> str:
+    """Return the start of a long text: a log that is read as a setting is one."""
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 
 
 def _explain_tag(context: dict[str, str]) -> str:

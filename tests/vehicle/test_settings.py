@@ -164,6 +164,29 @@ def test_a_missing_file_is_an_error_that_names_it(yaml_file: Path) -> None:
         load_settings(yaml_file, Cart)
 
 
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"\x89PNG\r\n\x1a\n", "it is a PNG picture (onboard see)"),
+        (b"\0\0\0\x20ftypisom\xff", "it is a video (onboard see)"),
+        ("seed: 1\n".encode("utf-16"), "it is UTF-16 text; save it as UTF-8"),
+        (b"seed: 1\n# caf\xe9\n", "line 2 is not UTF-8 (byte 0xe9); save it as UTF-8"),
+    ],
+)
+def test_a_file_that_is_no_text_is_named_by_its_kind(
+    yaml_file: Path, data: bytes, reason: str
+) -> None:
+    yaml_file.write_bytes(data)
+    with pytest.raises(SettingsError) as error:
+        load_settings(yaml_file, Cart)
+
+    assert str(error.value) == f"{yaml_file}: not YAML: {reason}"
+
+
+def test_of_a_long_wrong_value_the_start_is_shown(yaml_file: Path) -> None:
+    assert len(error_of(yaml_file, f"seed: {'x' * 5000}\n")) < 500
+
+
 def test_a_scenario_that_is_given_as_a_configuration_names_the_command_for_it(
     tmp_path: Path,
 ) -> None:
