@@ -130,8 +130,15 @@ def test_of_independent_images_each_plate_is_printed(drive: Path, tmp_path: Path
     assert "px wide" not in printed
 
 
+def test_of_a_drive_each_text_is_printed_once(drive: Path) -> None:
+    text, tally = run(drive / "pictures", "--fps", "10", *options(drive)).splitlines()
+
+    assert re.match(r"TAG1 \([01]\.\d\d\): frames: 10, 0\.0 to 0\.9 s, \d+ to \d+ px wide$", text)
+    assert tally.startswith("frames: 10")
+
+
 def test_scores_are_printed_against_ground_truth(drive: Path) -> None:
-    output = run(
+    _, *output = run(
         drive / "pictures", "--fps", "10", *options(drive), "--truth", drive / "truth.csv"
     ).splitlines()
 
@@ -191,7 +198,7 @@ def test_a_lead_is_scored_by_the_given_columns(
     """Ground truth of a range finder has distances and no boxes."""
     rows = [row.format(index, 12 - 0.2 * index, index + 40) for index in range(10)]
 
-    output = run(
+    _, *output = run(
         drive / "pictures",
         "--fps",
         "10",

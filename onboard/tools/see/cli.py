@@ -19,6 +19,7 @@ from onboard.observations import Discarded
 from onboard.settings import load_settings, parse_settings
 from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame, annotate_frames
 from onboard.tools.see.ground_truth import GroundTruth
+from onboard.tools.see.printed_plates import PlatesOfDrive, PlatesOfImages
 from onboard.tools.see.score import Scores
 from onboard.vision.camera import open_recorded
 from onboard.vision.networks import load_perception
@@ -71,7 +72,8 @@ def see(
 ) -> None:
     """Find, read and track plates in a video or in images. Searches all of every frame.
 
-    Of independent images, each plate is printed with its confidence, width and place.
+    Each plate is printed with its confidence and width: of independent images, with its place; of a
+    drive, with when it was read.
     """
     settings = load_settings(vision, VisionSettings) if vision is not None else VisionSettings()
     calibration = load_settings(camera, Calibration) if camera is not None else None
@@ -84,12 +86,9 @@ def see(
         typer.echo("no --camera: a lens of 60 degrees is assumed, gaps are rough", err=True)
     scores = Scores(GroundTruth.read(truth), CERTAIN) if truth is not None else None
     keep_inputs((Path(recording), camera, vision, truth), (csv_file, video))
-    tally = PlateTally()
+    tally, printed = PlateTally(), PlatesOfImages() if alone else PlatesOfDrive()
     with contextlib.ExitStack() as files:
-        uses: list[Use] = [tally.add]
-        sentences: list[str] = []
-        if alone and csv_file != STANDARD_OUTPUT:
-            uses.append(lambda frame: sentences.extend(frame.sentences()))
+        uses: list[Use] = [tally.add, printed.add]
         if scores is not None:
             uses.append(scores.add)
         if csv_file is not None:
@@ -104,8 +103,9 @@ def see(
                 use(frame)
     # A printed CSV is for another program.
     report = partial(typer.echo, err=csv_file == STANDARD_OUTPUT)
-    for sentence in sentences:
-        report(sentence)
+    if csv_file != STANDARD_OUTPUT:
+        for sentence in printed.sentences():
+            report(sentence)
     _print_summary(recording, source, tally, report)
     if scores is not None:
         if not scores.frames:
