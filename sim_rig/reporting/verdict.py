@@ -27,6 +27,7 @@ class Verdict:
     invalid: tuple[str, ...]
     """One for each reason why a box, or an expectation, could not be judged."""
     rig_was_late: bool
+    """Whether the rig, or the computer of a live run, had too little time for it."""
     not_judged: tuple[str, ...] = ()
     """One for each expectation that a box without a recording cannot be judged by."""
 
@@ -38,12 +39,13 @@ class Verdict:
         return Outcome.INVALID if self.invalid else Outcome.PASSED
 
 
-def verdict(scenario: Scenario, log: RunLog) -> Verdict:
+def verdict(scenario: Scenario, log: RunLog, busy: str | None = None) -> Verdict:
     """Judge a run.
 
     An expectation is judged with the clock of each box at both ends of its uncertainty too; where
     the results differ, nothing can be said. Whether the rig was late is asked of runs with a box
-    only: a process shares the rig's computer and its load.
+    only: a process shares the rig's computer and its load. Of such a computer, `busy` says whether
+    it had other work, so that a failure says nothing; what was met in spite of it counts.
     """
     failures: list[str] = []
     invalid = [f"{car}: not judged: {why}" for car, why in log.unjudged.items()]
@@ -70,7 +72,11 @@ def verdict(scenario: Scenario, log: RunLog) -> Verdict:
             invalid.append(f"the clock is not known well enough to say whether {sentence}")
     if not_judged and len(not_judged) == len(scenario.expect):
         invalid.append("no expectation can be judged by the messages of a box")
-    return Verdict(tuple(failures), tuple(invalid), bool(late), tuple(not_judged))
+    if failures and busy is not None:
+        invalid.append(busy)
+    return Verdict(
+        tuple(failures), tuple(invalid), bool(late or busy is not None), tuple(not_judged)
+    )
 
 
 def _possible(log: RunLog, entry: Expected) -> Iterator[RunLog]:

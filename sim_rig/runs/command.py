@@ -123,16 +123,20 @@ def run_and_report(
         f"{scenario.duration_s:g} s in {took_s:.1f} s, seed {seed}; traces,"
         f" recordings and picture in {folder}"
     )
-    judged = verdict(scenario, log)
+    judged = verdict(scenario, log, _busy() if prepared is not log else None)
     print_verdict(judged, len(scenario.expect), console)
-    load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    if judged.outcome is Outcome.FAILED and prepared is not log and load > cores:
-        console.print(
-            f"This machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
-            " run it again when it is not, or with --virtual.",
-            soft_wrap=True,
-        )
     return log, judged.outcome
+
+
+def _busy() -> str | None:
+    """Why a live run on this machine proves no failure; `None` if it had the time it needed."""
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if load <= cores:
+        return None
+    return (
+        f"this machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
+        " run it again when it is not, or with --virtual"
+    )
 
 
 def only_virtual(scenario: Scenario) -> str | None:

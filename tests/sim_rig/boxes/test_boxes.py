@@ -296,6 +296,14 @@ def test_a_late_rig_makes_the_run_of_a_box_invalid(joins: Scenario) -> None:
     assert verdict(joins, joined_at(6.5, None, lateness=lines)).outcome is Outcome.FAILED
 
 
+def test_what_is_not_met_on_a_busy_machine_fails_nothing(joins: Scenario) -> None:
+    failed, met = joined_at(6.5, None), joined_at(5.9, None)
+
+    assert verdict(joins, failed, busy="load 9").outcome is Outcome.INVALID
+    assert verdict(joins, failed, busy="load 9").invalid == ("load 9",)
+    assert verdict(joins, met, busy="load 9").outcome is Outcome.PASSED
+
+
 def test_the_schema_of_a_box_is_strict(fig4: Scenario, tmp_path: Path) -> None:
     assert "bus" in BoxSettings.model_fields
     given = written(tmp_path, "red", box(tmp_path, "RD288HX", buss={"port": 1}))
