@@ -86,7 +86,10 @@ class CanBus:
             self._attach(self._open())
             return
         frames = self._read(self._settings.file)
-        first = next(frames, None)  # opens the file
+        try:
+            first = next(frames, None)  # opens the file
+        except CanLogError as error:
+            raise CanLogError(f"can.file: {error}") from error
         if first is not None:
             self._task = loop.create_task(self._play(self._settings.file, first, frames))
 

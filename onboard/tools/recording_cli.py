@@ -73,4 +73,4 @@ def _created(path: Path) -> BinaryIO:
     try:
         return path.open("wb")
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
+        raise UserError(f"{path}: cannot be written: {error.strerror}") from error

@@ -75,7 +75,9 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        raise UserError("nothing to replay: no readable CAN frame, image, fix or WSM")
+        files = (recording.can, recording.clip, recording.gnss, recording.pcap)
+        given = ", ".join(str(each) for each in files if each is not None)
+        raise UserError(f"{given}: nothing to replay: no readable CAN frame, image, fix or WSM")
     credentials = None
     if recording.pcap:
         credentials = read_own_credentials(config.security, config.car.plate, config.psids)

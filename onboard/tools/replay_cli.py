@@ -84,6 +84,8 @@ def replay(
     raw = drive.RawRecording(can, clip, fps, gnss, pcap)
     if (box or expected) and raw.sensors():
         raise UserError(f"give either a recording of the black box, or {_RAW_OPTIONS}")
+    if box and (config or fps):
+        raise UserError("--config and --fps are for other recordings: the black box has its own")
     if expected and not box:
         raise UserError("--expect needs a recording of the black box")
     if not (box or raw.sensors()):

@@ -12,6 +12,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from email.message import Message
 from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -140,6 +141,8 @@ def _parts(response: http.client.HTTPResponse, parts: MjpegParts) -> Iterator[Ca
 
 def _device_images(settings: CameraSettings) -> Iterator[Callable[[], Image]]:
     source = settings.source
+    if not Path(f"/dev/video{source}" if source.isdigit() else source).exists():
+        raise CameraError(f"camera.source: {source}: no such camera")  # OpenCV says it at length
     capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
     if not capture.isOpened():
         raise CameraError(f"camera.source: {source}: no camera, or it is in use")

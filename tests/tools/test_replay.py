@@ -12,6 +12,7 @@ from onboard.errors import UserError
 from onboard.kinematics.units import KM_H
 from onboard.observations import LeadIdentity, Sensor, SensorLost
 from onboard.recorder.reader import RecordedDrive
+from onboard.tools import replay_cli
 from onboard.tools.export import write_pcap
 from onboard.tools.replay import UNCONFIGURED, RawRecording, received_packets, replay
 from onboard.vision.settings import CameraSettings
@@ -127,9 +128,16 @@ def test_unreadable_log_lines_are_reported_anywhere_in_the_file(tmp_path: Path) 
     assert sum(getattr(event, "reason", "") == "log_line" for event in events) == 3
 
 
-def test_an_empty_recording_is_a_user_error() -> None:
-    with pytest.raises(UserError, match="nothing to replay"):
-        list(replay(RawRecording(), UNCONFIGURED))
+def test_an_empty_recording_is_a_user_error(tmp_path: Path) -> None:
+    log = tmp_path / "drive.nmea"
+    log.touch()
+    with pytest.raises(UserError, match=r"drive\.nmea: nothing to replay"):
+        list(replay(RawRecording(gnss=log), UNCONFIGURED))
+
+
+def test_a_black_box_recording_takes_no_other_configuration() -> None:
+    with pytest.raises(UserError, match="the black box has its own"):
+        replay_cli.replay([Path("box")], config=Path("car.yaml"))
 
 
 def test_a_negative_frame_rate_is_a_user_error(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_it_finds_the_lead_and_encodes_pictures(run: Run, stream: str) -> None:
     [
         ("http://127.0.0.1:9/", "camera.source: http://127.0.0.1:9/: .*refused"),
         ("rtsp://127.0.0.1/", "the only streams are MJPEG"),
-        ("/dev/nosuchcamera", "no camera, or it is in use"),
+        ("/dev/nosuchcamera", "no such camera"),
     ],
 )
 def test_a_camera_that_cannot_be_opened_is_the_users_mistake(
