@@ -1,25 +1,42 @@
-"""Writes the identity of the build into a package that is built; all else is in pyproject.toml."""
+"""What a package has and a checkout does not; all else is in pyproject.toml.
 
+The identity of the build is written into it (a checkout asks git), and the examples are copied.
+"""
+
+import shutil
 import sys
 from pathlib import Path
 
 from setuptools import setup
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
 ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT))
 
-from onboard.recorder.build import build_of_checkout, write_build  # noqa: E402 (from this folder)
+from onboard.recorder.build import present_build, write_build  # noqa: E402 (from this folder)
 
 
-class BuildWithIdentity(build_py):
-    """Adds `build.json`; an editable installation asks git instead."""
+class WholePackage(build_py):
+    """Adds `build.json` and the examples; an editable installation has the checkout's."""
 
     def run(self) -> None:
-        """Copy the modules, then write the identity beside them."""
+        """Copy the modules, then what stands beside them."""
         super().run()
-        if not self.editable_mode:
-            write_build(build_of_checkout(ROOT), Path(self.build_lib) / "onboard")
+        if self.editable_mode:
+            return
+        package = Path(self.build_lib) / "onboard"
+        write_build(present_build(), package)
+        shutil.copytree(ROOT / "examples", package / "examples", dirs_exist_ok=True)
 
 
-setup(cmdclass={"build_py": BuildWithIdentity})
+class SourceWithIdentity(sdist):
+    """Adds `build.json`, since there is no git where it is unpacked."""
+
+    def make_release_tree(self, base_dir: str, files: list[str]) -> None:
+        """Copy the files, then write the identity beside them."""
+        super().make_release_tree(base_dir, files)
+        write_build(present_build(), Path(base_dir) / "onboard")
+
+
+setup(cmdclass={"build_py": WholePackage, "sdist": SourceWithIdentity})

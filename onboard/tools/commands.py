@@ -28,6 +28,11 @@ COMMANDS = {
         "run",
         "Run the daemon until it is stopped. SIGHUP reloads its configuration.",
     ),
+    "example": Command(
+        "onboard.tools.example_cli",
+        "example",
+        "Write an example: a car at a desk, or a whole configuration.",
+    ),
     "check": Command(
         "onboard.tools.check_cli",
         "check",
