@@ -109,6 +109,18 @@ mutate: .venv/ready .venv-mutation/ready ## changed comparisons, each of which m
 	$(PYTHON) -m pip install --quiet --no-deps --require-hashes --target .venv-mutation -r $<
 	@touch $@
 
+# The pages, searchable, with one of docstrings for each package; nothing is fetched when they are read.
+.PHONY: site
+site: .venv-site/ready ## the documentation as a site, in build/site
+	python3 tools/site_pages.py build/pages
+	NO_MKDOCS_2_WARNING=1 .venv-site/bin/mkdocs build --quiet
+	@echo "read it: python3 -m http.server --directory build/site --bind 127.0.0.1"
+
+.venv-site/ready: tools/site.lock
+	python3 -m venv .venv-site
+	.venv-site/bin/python -m pip install --quiet --no-deps --require-hashes -r $<
+	@touch $@
+
 # The plate networks, from rendered pictures to ONNX; see docs/plates.md for how long it takes.
 train: .venv-training/ready ## trains the networks
 	.venv-training/bin/python -m training detector
@@ -148,8 +160,9 @@ lock: ## pins all versions anew
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 	echo 'mutmut>=3.8' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/mutation.lock
+	printf '%s\n' 'mkdocs-material>=9.8' 'mkdocstrings[python]>=1.0' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/site.lock
 	printf '%s\n' "atheris<3.1; python_version < '3.12'" "atheris>=3.1; python_version >= '3.12'" | $(LOCK) --no-annotate - -o fuzz/requirements.lock
 	echo pip | $(LOCK) --no-annotate - -o deploy/installer.lock
 
 clean: ## removes .venv, build and out
-	rm -rf .venv .venv-fuzz .venv-mutation build mutants out
+	rm -rf .venv .venv-fuzz .venv-mutation .venv-site build mutants out

@@ -12,6 +12,7 @@ LOCKS = (
     "deploy/requirements.lock",
     "deploy/installer.lock",
     "tools/mutation.lock",
+    "tools/site.lock",
 )
 NOT_REACHED = ("Failed to fetch", "error sending request", "network was disabled")
 
