@@ -264,6 +264,28 @@ class SensorLost:
     reason: str
 
 
+class Impairment(StrEnum):
+    """What makes the measurements of a sensor at work worse."""
+
+    TURNED = "turned"
+    """The camera does not look where its calibration says."""
+    DIRTY = "dirty"
+    """Parts of the horizon ahead stay without edges: behind dirt, or in fog."""
+    BLURRED = "blurred"
+    OVER_EXPOSED = "over_exposed"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorImpaired:
+    """What impairs a sensor that is at work, each time that it changes."""
+
+    kind: ClassVar[str] = "sensor_impaired"
+    stamp_s: float
+    sensor: Sensor
+    impairments: tuple[Impairment, ...]
+    """Empty once nothing does."""
+
+
 @dataclass(frozen=True, slots=True)
 class SensorRecovered:
     """A lost sensor has sent a valid sample."""

@@ -12,6 +12,7 @@ from onboard.observations import (
     Lead,
     Plate,
     Position,
+    SensorImpaired,
     SensorLost,
     SensorRecovered,
     Speed,
@@ -24,7 +25,7 @@ from onboard.trace.trace_line import Event
 
 Observation = (
     Speed | BrakePedal | TurnSignal | HardBrake | Plate | Lead | VehicleDetection | DetectionList
-    | Position | SensorLost | SensorRecovered | Discarded
+    | Position | SensorImpaired | SensorLost | SensorRecovered | Discarded
 )  # fmt: skip
 """Values that the sensors' packages put out."""
 

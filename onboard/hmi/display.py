@@ -28,9 +28,11 @@ from onboard.lcca.identification import CarIdentity
 from onboard.observations import (
     BrakeCause,
     DetectionList,
+    Impairment,
     Lead,
     LeadIdentity,
     Sensor,
+    SensorImpaired,
     SensorLost,
     SensorRecovered,
     Speed,
@@ -47,8 +49,8 @@ from onboard.tracking.perceived_object import PerceivedObject
 SHOW_S = 0.2
 """Between two views without an urgent event."""
 _URGENT = frozenset({
-    "alarm", "file_failure", "identified", "identity_lost", "recorder", "sensor_lost",
-    "sensor_recovered", "transition",
+    "alarm", "file_failure", "identified", "identity_lost", "recorder", "sensor_impaired",
+    "sensor_lost", "sensor_recovered", "transition",
 })  # fmt: skip
 """Kinds of events that are shown at once."""
 _LCCA: AlarmKey = LCCA, ""
@@ -82,6 +84,7 @@ class Display:
             brake_button: whether the page has the button that simulates hard braking.
         """
         self._lost: dict[Sensor, str | None] = dict.fromkeys(sorted(sensors))
+        self._impaired: dict[Sensor, tuple[Impairment, ...]] = {}
         self._speed_timeout_s = speed_timeout_s
         self._lead_timeout_s = lead_timeout_s
         self._safe_headway_s = safe_headway_s
@@ -117,8 +120,8 @@ class Display:
                 self._detections.append(event)
             case DetectionList():
                 self._detections = list(event.cars)
-            case SensorLost() | SensorRecovered():
-                self._lost[event.sensor] = event.reason if isinstance(event, SensorLost) else None
+            case SensorLost() | SensorRecovered() | SensorImpaired():
+                self._receive_sensor(event)
             case Inquired():
                 self._inquired = event
             case WarningRaised() | WarningLevel():
@@ -166,13 +169,19 @@ class Display:
             alarms=tuple(sorted(self._alarms.values(), key=_urgency)),
             brake_request=self._present_request(now),
             sensors=tuple(
-                SensorView(sensor, reason is not None, reason)
+                SensorView(sensor, reason is not None, reason, self._impaired.get(sensor, ()))
                 for sensor, reason in self._lost.items()
             ),
             recorder_failure=self._recorder_failure,
             failed_files=tuple(self._failed_files.values()),
             brake_button=self._brake_button,
         )
+
+    def _receive_sensor(self, event: SensorLost | SensorRecovered | SensorImpaired) -> None:
+        if isinstance(event, SensorImpaired):
+            self._impaired[event.sensor] = event.impairments
+        else:
+            self._lost[event.sensor] = event.reason if isinstance(event, SensorLost) else None
 
     def _receive_state(self, state: BrakeRequest | FileFailure | RecorderState) -> None:
         match state:

@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import ClassVar
 
 from onboard.lcca.transitions import GroupState
-from onboard.observations import LeadIdentity, Sensor
+from onboard.observations import Impairment, LeadIdentity, Sensor
 from onboard.risk.alarm import Cause, Level
 from onboard.risk.alarm_table import Headline, Sign
 from onboard.trace.file_failure import FileFailure
@@ -160,6 +160,8 @@ class SensorView:
     is_lost: bool
     reason: str | None
     """Reason of the loss, as the sensor's component names it."""
+    impairments: tuple[Impairment, ...] = ()
+    """What makes its measurements worse."""
 
 
 @dataclass(frozen=True, slots=True)

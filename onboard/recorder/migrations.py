@@ -43,9 +43,14 @@ def _to_3(topic: str, record: Record) -> tuple[str, Record]:
     return topic, record  # a drive whose seed never changes, without `entropy_input`
 
 
+def _to_4(topic: str, record: Record) -> tuple[str, Record]:
+    return topic, record  # a camera that nothing impairs, without `sensor_impaired`
+
+
 _MIGRATIONS: Mapping[int, tuple[Migration, Callable[[Record], Record]]] = {
     1: (_to_2, _header_to_2),
     2: (_to_3, lambda header: header),
+    3: (_to_4, lambda header: header),
 }
 """By the format that they start from."""
 OLDEST = min(_MIGRATIONS)

@@ -28,6 +28,8 @@ class AdmittedFrame:
     """Whether the frame before showed another scene."""
     may_hide_vehicles: bool
     """Whether a lane without any is not known to be free."""
+    is_over_exposed: bool
+    """Whether much of the road is white."""
 
 
 class FrameAdmission:
@@ -64,4 +66,5 @@ class FrameAdmission:
             is_repeat=verdict.is_repeat,
             is_cut=verdict.is_cut,
             may_hide_vehicles=verdict.may_hide_vehicles,
+            is_over_exposed=verdict.is_over_exposed,
         )

@@ -64,6 +64,7 @@ class FrameVerdict:
     """The frame before showed another scene."""
     may_hide_vehicles: bool = False
     """A lane without any is not known to be free: it looks upside down, or is over-exposed."""
+    is_over_exposed: bool = False
 
 
 class FrameCheck:
@@ -97,8 +98,12 @@ class FrameCheck:
         is_cut = last is not None and (
             not is_same_size or _correlation(sample, last) < CUT_CORRELATION
         )
-        may_hide_vehicles = has_sky_below or clipped >= HIDING_SHARE
-        return FrameVerdict(is_cut=is_cut, may_hide_vehicles=may_hide_vehicles)
+        is_over_exposed = clipped >= HIDING_SHARE
+        return FrameVerdict(
+            is_cut=is_cut,
+            may_hide_vehicles=has_sky_below or is_over_exposed,
+            is_over_exposed=is_over_exposed,
+        )
 
 
 def _spread(sample: Image) -> float:

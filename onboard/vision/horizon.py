@@ -5,10 +5,13 @@ picture shows edges of trees, houses, barriers and of the road's end. Dirt on a 
 is out of focus; behind it, as in fog and in a blurred picture, these edges are gone.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from onboard.vision.blur import DETAIL_PX
 from onboard.vision.lane import LaneShape
 from onboard.vision.perspective import Perspective, RoadPosition
 
@@ -18,8 +21,6 @@ HALF_HEIGHT_RAD = 0.045
 """Half height of what is examined: the host vehicle pitches, and roads are not level."""
 COLUMNS = 10
 """Parts side by side, each about as wide as a vehicle 60 m ahead."""
-DETAIL_PX = 736
-"""Width of the image at which edges are examined, as the detector of vehicles sees it."""
 LEAST_EDGE = 0.2
 """Largest step between two pixels by their surroundings' level, from which a part is sharp. In all
 of 60 clear frames of gantries, small-leads and motorway, each part has 0.28 and more; chosen by
@@ -28,6 +29,23 @@ smears before them in half of all at most 0.08, and 0.13 in a blur of three pixe
 _LEVEL = 16.0
 """Level that is added, below which steps are noise."""
 _AROUND_PX = 9
+
+
+@dataclass(frozen=True, slots=True)
+class HorizonPart:
+    """One of the parts side by side."""
+
+    x_px: float
+    """Its middle."""
+    edge: float
+    """Largest step between two pixels, by their surroundings' level."""
+    level: float
+    """Mean grey level."""
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether it shows edges."""
+        return self.edge >= LEAST_EDGE
 
 
 class Horizon:
@@ -46,21 +64,36 @@ class Horizon:
             image: (h, w, 3), BGR.
             lane: the host vehicle's.
         """
-        part = self._part(image, lane)
+        parts = self.parts(image, lane)
+        return bool(parts) and all(part.is_sharp for part in parts)
+
+    def parts(self, image: npt.NDArray[np.uint8], lane: LaneShape) -> list[HorizonPart]:
+        """The horizon over the lane from left to right; empty if too little of it is seen.
+
+        Args:
+            image: (h, w, 3), BGR.
+            lane: the host vehicle's.
+        """
+        left, top, right, bottom = self._sides(image.shape, lane)
         scale = min(1.0, DETAIL_PX / image.shape[1])
-        columns = int(scale * part.shape[1]) // COLUMNS
-        rows = int(scale * part.shape[0])
+        columns = int(scale * (right - left)) // COLUMNS
+        rows = int(scale * (bottom - top))
         if columns < 2 or rows < 2:
-            return False
-        grey = cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
+            return []
+        grey = cv2.cvtColor(image[top:bottom, left:right], cv2.COLOR_BGR2GRAY)
         size = columns * COLUMNS, rows
         levels = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
         steps = _steps(levels) / (cv2.blur(levels, (_AROUND_PX, _AROUND_PX)) + _LEVEL)
         largest = steps.reshape(rows, COLUMNS, columns).max(axis=(0, 2))
-        return bool(largest.min() >= LEAST_EDGE)
+        means = levels.reshape(rows, COLUMNS, columns).mean(axis=(0, 2))
+        middles_px = left + (right - left) * (np.arange(COLUMNS) + 0.5) / COLUMNS
+        return [
+            HorizonPart(float(x_px), float(edge), float(level))
+            for x_px, edge, level in zip(middles_px, largest, means, strict=True)
+        ]
 
-    def _part(self, image: npt.NDArray[np.uint8], lane: LaneShape) -> npt.NDArray[np.uint8]:
-        """What is around the horizon, as wide as the lane."""
+    def _sides(self, shape: tuple[int, ...], lane: LaneShape) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom of what is around the horizon, as wide as the lane."""
         sides = [
             RoadPosition(ahead_m, lane.middle_m(ahead_m) + share * self._lane_width_m, 0.0)
             for ahead_m in (self._lane_width_m * distance for distance in DISTANCES)
@@ -68,12 +101,10 @@ class Horizon:
         ]
         across = self._perspective.project_all(sides)[:, 0]
         _, middle_px = self._perspective.project(RoadPosition(1e6, 0.0, 0.0))
-        height, width = image.shape[:2]
-        left, right = np.clip((across.min(), across.max()), 0, width).astype(int)
-        top, bottom = np.clip(
-            (middle_px - self._half_px, middle_px + self._half_px), 0, height
-        ).astype(int)
-        return image[top:bottom, left:right]
+        height, width = shape[:2]
+        left, right = np.clip((across.min(), across.max()), 0, width)
+        top, bottom = np.clip((middle_px - self._half_px, middle_px + self._half_px), 0, height)
+        return int(left), int(top), int(right), int(bottom)
 
 
 def _steps(levels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -1,9 +1,10 @@
 """The perception core: camera frames to plates, vehicle detections and the lead.
 
 `Perception.receive_frame` is the list of a frame's steps, each of a file of its own: admission
-(`frame_admission`), frozen images (`frozen_camera`), the lead's rear (`lead_rear`), what to search
-(`search_schedule`), the lane (`lane_watch`), detection (`sized_camera`), association with tracks
-(`tracker`), the lead among them (`lead`) and the report (`track_report`).
+(`frame_admission`), frozen images (`frozen_camera`), the lead's rear (`lead_rear`), what impairs
+the picture (`picture_watch`), what to search (`search_schedule`), the lane (`lane_watch`),
+detection (`sized_camera`), association with tracks (`tracker`), the lead among them (`lead`) and
+the report (`track_report`).
 """
 
 from collections import deque
@@ -19,6 +20,8 @@ from onboard.vision.lane_watch import LaneWatch
 from onboard.vision.lead import LeadSelector
 from onboard.vision.lead_rear import LeadRear
 from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
+from onboard.vision.perspective import bounding_box
+from onboard.vision.picture_watch import PictureWatch
 from onboard.vision.search_schedule import SearchSchedule
 from onboard.vision.seen import Event
 from onboard.vision.settings import Calibration, VisionSettings
@@ -51,6 +54,7 @@ class Perception:
         cameras = SizedCameras(calibration, settings, networks)
         self._admission = FrameAdmission(cameras)
         self._frozen_camera = FrozenCamera(parameters.frozen_after_s)
+        self._picture_watch = PictureWatch(lane_m)
         self._rear = LeadRear(lane_m)
         self._schedule = SearchSchedule(parameters, finds_vehicles=finds_vehicles)
         self._lane_watch = LaneWatch(lane_m, finds_vehicles=finds_vehicles)
@@ -67,6 +71,7 @@ class Perception:
     def reset(self) -> None:
         """Drop all tracks and stamps: the next frame is of another drive."""
         self._admission.reset()
+        self._picture_watch.reset()
         self._schedule.reset()
         self._lane_watch.reset()
         self._drop_tracks()
@@ -99,6 +104,8 @@ class Perception:
         self._events += self._frozen_camera.receive_new_image(frame.stamp_s)
         self._rear.track(frame, self._lead)
         tracks = self._tracker.tracks
+        vehicles = [bounding_box(track.corners_px) for track in tracks]
+        self._events += self._picture_watch.receive_frame(frame, vehicles)
         plan = self._schedule.next_plan(frame, tracks, self._lead)
         self._lane_watch.receive_frame(frame, tracks, self._lead, is_searched=plan.has_vehicles)
         detections = frame.camera.detect(frame.image, plan)
@@ -112,10 +119,11 @@ class Perception:
         """Select the lead, and report it and all else that is seen."""
         tracks = self._tracker.tracks
         self._lead = lead = self._lead_selector.select(tracks, stamp_s)
+        self._track_report.picture_sigma = self._picture_watch.range_sigma
         self._events += self._track_report.plates(pairs, lead, stamp_s)
         self._events += self._track_report.vehicle_detections(tracks, stamp_s)
         may_be_free = lead is None and not self._lead_selector.has_candidate(tracks, stamp_s)
-        is_free = may_be_free and self._lane_watch.is_free(stamp_s)
+        is_free = may_be_free and self._lane_watch.is_free(stamp_s) and self._picture_watch.is_clear
         self._events.append(self._track_report.lead(lead, stamp_s, is_free=is_free))
 
     def _drop_tracks(self) -> None:

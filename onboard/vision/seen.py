@@ -6,12 +6,15 @@ from onboard.observations import (
     Discarded,
     Lead,
     Plate,
+    SensorImpaired,
     SensorLost,
     SensorRecovered,
     VehicleDetection,
 )
 
-Event = Plate | Lead | VehicleDetection | Discarded | SensorLost | SensorRecovered
+Event = (
+    Plate | Lead | VehicleDetection | Discarded | SensorImpaired | SensorLost | SensorRecovered
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

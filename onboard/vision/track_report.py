@@ -16,6 +16,12 @@ class TrackReport:
     def __init__(self, lens_sigma: float) -> None:
         """Take the sigma of all distances and speeds by the lens, as a share of them."""
         self._lens_sigma = lens_sigma
+        self.picture_sigma = 0.0
+        """The same by what impairs the picture."""
+
+    @property
+    def _common_sigma(self) -> float:
+        return math.hypot(self._lens_sigma, self.picture_sigma)
 
     def plates(
         self,
@@ -62,7 +68,7 @@ class TrackReport:
             gap_sigma_m=self._distance_sigma_m(track, ahead.position_m),
             closing_speed_m_s=-ahead.rate_m_s,
             closing_speed_sigma_m_s=math.hypot(
-                ahead.rate_sigma_m_s, self._lens_sigma * ahead.rate_m_s
+                ahead.rate_sigma_m_s, self._common_sigma * ahead.rate_m_s
             ),
             track_id=track.track_id,
             candidates=track.candidates,
@@ -86,7 +92,7 @@ class TrackReport:
 
     def _distance_sigma_m(self, track: VehicleTrack, distance_m: float) -> float:
         """Sigma with the errors common to all distances of this track, or of this drive."""
-        shares = track.size_sigma * distance_m, self._lens_sigma * distance_m
+        shares = track.size_sigma * distance_m, self._common_sigma * distance_m
         return math.hypot(track.gap_sigma_m, *shares)
 
 

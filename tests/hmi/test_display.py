@@ -24,9 +24,11 @@ from onboard.messages.lcca import Join
 from onboard.observations import (
     BrakeCause,
     DetectionList,
+    Impairment,
     Lead,
     LeadIdentity,
     Sensor,
+    SensorImpaired,
     SensorLost,
     SensorRecovered,
     Speed,
@@ -211,6 +213,16 @@ def test_without_a_position_the_detections_of_the_last_frame_are_shown() -> None
 
     assert len(both) == 2
     assert len(shown(page, 10.3).vehicles) == 1
+
+
+def test_what_impairs_a_sensor_is_shown_until_nothing_does() -> None:
+    page = display()
+    page.receive_event(SensorImpaired(10.0, Sensor.CAMERA, (Impairment.DIRTY,)))
+    shown_then = {each.sensor: each.impairments for each in shown(page, 10.0).sensors}
+    page.receive_event(SensorImpaired(10.1, Sensor.CAMERA, ()))
+
+    assert shown_then == {Sensor.CAMERA: (Impairment.DIRTY,), Sensor.SPEED: ()}
+    assert not any(each.impairments for each in shown(page, 10.1).sensors)
 
 
 def test_a_lost_sensor_is_shown_with_its_reason_until_it_recovers() -> None:

@@ -155,6 +155,7 @@ def test_the_camera_of_the_rig_is_good() -> None:
         (lambda number: road(1), "camera", MISSING, "all equal"),
         (lambda number: road(number) // 8, "light", DOUBTFUL, "mean grey"),
         (lambda number: 255 - road(number) // 8, "light", DOUBTFUL, "mean grey"),
+        (lambda number: cv2.blur(road(number), (9, 1)), "camera", DOUBTFUL, "blurred"),
         (lambda number: np.full((360, 640, 3), number, np.uint8), "light", MISSING, "one colour"),
         (
             lambda number: road(number)[:, :480],

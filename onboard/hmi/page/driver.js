@@ -108,11 +108,12 @@ function showLead({ lead, speed_m_s }) {
 
 function showSensors(sensors, recorder_failure, failed_files) {
   const names = { camera: TEXTS.camera, speed: TEXTS.speedSensor, position: TEXTS.position, radio: TEXTS.radio, detector: TEXTS.detector };
-  $("sensors").replaceChildren(...sensors.map(({ sensor, is_lost, reason }) => {
-    const item = make("li", is_lost ? "lost" : "", "");
+  $("sensors").replaceChildren(...sensors.map(({ sensor, is_lost, reason, impairments }) => {
+    const why = [...(is_lost ? [TEXTS.reasons[reason] ?? reason] : []), ...impairments.map((each) => TEXTS.impairments[each])];
+    const item = make("li", why.length > 0 ? "lost" : "", "");
     item.dataset.sensor = sensor;
     const words = make("span", "", is_lost ? fill(TEXTS.lost, { sensor: names[sensor] }) : names[sensor]);
-    if (is_lost) words.append(make("small", "", TEXTS.reasons[reason] ?? reason));
+    if (why.length > 0) words.append(make("small", "", why.join(", ")));
     item.append(icon(sensor), words);
     return item;
   }));

@@ -80,6 +80,10 @@ export const TEXTS = {
     clock_wrong: "this computer's clock is wrong",
   },
 
+  impairments: {
+    turned: "turned: calibrate it", dirty: "view dirty, or fog", blurred: "image blurred", over_exposed: "too much light",
+  },
+
   headlines: { brake: "Brake!", stop: "Stop!", keep_distance: "Keep distance", watch_out: "Watch out" },
   // Sentences of alarms come in English from onboard/risk/alarm_table.py: { "Car crossing": "..." }.
   sentences: {},

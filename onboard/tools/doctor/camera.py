@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from onboard.tools.doctor.finding import Finding, FindingLevel
+from onboard.vision.blur import BLURRED, blur_of, detail
 from onboard.vision.camera import open_frames
 from onboard.vision.frame_check import FrameCheck, FrameFault
 from onboard.vision.frames import CameraError, Frame
@@ -29,6 +30,7 @@ NO_CAMERA = (
 )
 FROZEN = "the camera repeats one image: unplug it and plug it in again"
 UNREADABLE = "test the camera with another program, another cable, another USB port"
+UNFOCUSED = "clean lens and windscreen, focus the lens; dim light makes exposures long"
 TOO_SLOW = "reduce the resolution, add light (long exposures are slow), use a USB 3 port"
 COVERED = "take the cap off; the image has one colour only"
 TOO_DARK = "normal by night; by day open the iris, or set automatic exposure"
@@ -48,6 +50,10 @@ class _FrameStatistics:
     is_frozen: bool
     grey: float
     """Mean grey level of the last frame, 0 to 255."""
+    blur: float
+    """Of the last frame, 0 to 1."""
+    is_over_exposed: bool
+    """Whether most frames are."""
     width_px: int
     height_px: int
 
@@ -76,19 +82,28 @@ def _statistics(camera: CameraSettings, patience_s: float) -> _FrameStatistics:
     check = FrameCheck()
     frames: list[Frame] = []
     faults: set[FrameFault] = set()
-    repeats = 0
+    repeats = over_exposed = 0
     with contextlib.closing(source):
         for frame in islice(source, MOST_FRAMES):
             verdict = check.check(frame.image)
             if verdict.fault is not None:
                 faults.add(verdict.fault)
             repeats += verdict.is_repeat
+            over_exposed += verdict.is_over_exposed
             if verdict.fault is not FrameFault.CORRUPT:
                 frames.append(frame)
     closing.cancel()
     if not frames:
         return _FrameStatistics(
-            0, 0.0, frozenset(faults), is_frozen=False, grey=0.0, width_px=0, height_px=0
+            0,
+            0.0,
+            frozenset(faults),
+            is_frozen=False,
+            grey=0.0,
+            blur=0.0,
+            is_over_exposed=False,
+            width_px=0,
+            height_px=0,
         )
     took_s = frames[-1].stamp_s - frames[0].stamp_s
     image = frames[-1].image
@@ -98,6 +113,8 @@ def _statistics(camera: CameraSettings, patience_s: float) -> _FrameStatistics:
         faults=frozenset(faults),
         is_frozen=len(frames) > 1 and repeats == len(frames) - 1,
         grey=float(np.mean(image)),
+        blur=blur_of(detail(image)),
+        is_over_exposed=2 * over_exposed > len(frames),
         width_px=image.shape[1],
         height_px=image.shape[0],
     )
@@ -108,12 +125,14 @@ def _camera(statistics: _FrameStatistics, patience_s: float) -> Finding:
         if FrameFault.CORRUPT in statistics.faults:
             return Finding("camera", FindingLevel.MISSING, "no image can be decoded", UNREADABLE)
         return Finding("camera", FindingLevel.MISSING, f"no image in {patience_s:g} s", NO_CAMERA)
-    detail = f"{statistics.width_px} x {statistics.height_px}, {statistics.rate_hz:.1f} frames/s"
+    summary = f"{statistics.width_px} x {statistics.height_px}, {statistics.rate_hz:.1f} frames/s"
     if statistics.is_frozen and FrameFault.BLANK not in statistics.faults:
-        return Finding("camera", FindingLevel.MISSING, f"{detail}, all equal", FROZEN)
+        return Finding("camera", FindingLevel.MISSING, f"{summary}, all equal", FROZEN)
     if statistics.rate_hz < LEAST_RATE_HZ:
-        return Finding("camera", FindingLevel.DOUBTFUL, detail, TOO_SLOW)
-    return Finding("camera", FindingLevel.GOOD, detail)
+        return Finding("camera", FindingLevel.DOUBTFUL, summary, TOO_SLOW)
+    if statistics.blur >= BLURRED:
+        return Finding("camera", FindingLevel.DOUBTFUL, f"{summary}, blurred", UNFOCUSED)
+    return Finding("camera", FindingLevel.GOOD, summary)
 
 
 def _light(statistics: _FrameStatistics) -> Finding:
@@ -124,7 +143,7 @@ def _light(statistics: _FrameStatistics) -> Finding:
         return Finding("light", FindingLevel.MISSING, f"{detail}, one colour only", COVERED)
     if statistics.grey < DARK:
         return Finding("light", FindingLevel.DOUBTFUL, detail, TOO_DARK)
-    if statistics.grey > GLARING:
+    if statistics.grey > GLARING or statistics.is_over_exposed:
         return Finding("light", FindingLevel.DOUBTFUL, detail, TOO_BRIGHT)
     return Finding("light", FindingLevel.GOOD, detail)
 

@@ -1,0 +1,187 @@
+"""A turned, dirty, blurred or over-exposed camera is reported as such, a clear one is not."""
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from onboard.observations import Impairment, SensorImpaired
+from onboard.vision.blur import detail
+from onboard.vision.focus_of_expansion import focus_of_expansion
+from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
+from onboard.vision.frames import Image
+from onboard.vision.perspective import Perspective, RoadPosition
+from onboard.vision.picture_watch import LEAST_FOCUSES, RANGE_SIGMA, PictureWatch
+from onboard.vision.recordings import VideoFile
+from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
+from onboard.vision.sized_camera import Networks, SizedCameras
+from sim_rig.rendering.scene import Scene
+from tests.vision.drive import CAMERA, RENDERER
+from tests.vision.test_horizon import smears
+
+SIZE = 640, 360
+LENS = guessed_calibration(*SIZE)
+LANE_M, CAMERA_FPS = 3.5, 15.0
+HEADINGS_RAD = {
+    "barrier-shadow": (-0.100, -0.175),
+    "empty-lane-540p": (-0.007, 0.037),
+    "gantries-360p": (0.006, -0.002),
+    "motorway-720p": (0.028, 0.045),
+    "night-street": (-0.002, -0.033),
+    "small-leads-320p": (0.000, -0.077),
+}
+"""Where each clip's vehicle heads, to the right and down from the middle of its picture, for a lens
+of 60 degrees: the median of its focuses of expansion."""
+Disturbance = Callable[[Image], Image]
+
+
+def turned(right_deg: float, down_deg: float) -> Disturbance:
+    """What a camera turned by so much about its own axes would see, for a lens of 60 degrees."""
+
+    def disturb(image: Image) -> Image:
+        height_px, width_px = image.shape[:2]
+        focal_px = 0.5 * width_px / math.tan(math.radians(30))
+        lens = np.array([[focal_px, 0, width_px / 2], [0, focal_px, height_px / 2], [0, 0, 1]])
+        turn, _ = cv2.Rodrigues(np.radians([down_deg, -right_deg, 0.0]))
+        matrix = lens @ turn @ np.linalg.inv(lens)
+        return np.asarray(cv2.warpPerspective(image, matrix, (width_px, height_px)), np.uint8)
+
+    return disturb
+
+
+def motion_blurred(image: Image) -> Image:
+    """Blurred sideways by what 9 px are of 1242."""
+    length_px = round(image.shape[1] * 9 / 1242)
+    return np.asarray(cv2.blur(image, (length_px, 1)), np.uint8)
+
+
+def bright(image: Image) -> Image:
+    return np.asarray(np.clip(3.0 * image.astype(np.float32) + 20.0, 0, 255), np.uint8)
+
+
+def admitted(
+    images: Iterator[tuple[float, Image]], calibration: Calibration
+) -> Iterator[AdmittedFrame]:
+    admission = FrameAdmission(SizedCameras(calibration, VisionSettings(), Networks()))
+    for stamp_s, image in images:
+        frame = admission.admit(image, stamp_s)
+        if isinstance(frame, AdmittedFrame) and not frame.is_repeat:
+            yield frame
+
+
+def mounted(lens: Calibration, right_rad: float, down_rad: float) -> Calibration:
+    """The camera that sees the vehicle head so far to the right and down."""
+    mounting = {"pitch_rad": -down_rad, "yaw_rad": -right_rad}
+    return Calibration(**(lens.model_dump() | mounting))
+
+
+def watched(
+    images: Iterator[tuple[float, Image]], calibration: Calibration
+) -> tuple[list[SensorImpaired], float]:
+    """What is reported, and the largest sigma of ranges."""
+    watch, events, sigma = PictureWatch(LANE_M), [], 0.0
+    for frame in admitted(images, calibration):
+        events += watch.receive_frame(frame, [])
+        sigma = max(sigma, watch.range_sigma)
+    return events, sigma
+
+
+def approached(focus_px: tuple[float, float]) -> Iterator[tuple[float, Image]]:
+    """A wall that one drives at: pairs of pictures that grow from the focus, one pair a second."""
+    width_px, height_px = SIZE
+    for second in range(LEAST_FOCUSES + 2):
+        rng = np.random.default_rng(second)
+        wall = rng.integers(60, 190, (height_px // 8, width_px // 8, 3), np.uint8)
+        image = np.asarray(cv2.resize(wall, SIZE, interpolation=cv2.INTER_NEAREST), np.uint8)
+        yield float(second), image
+        growth = cv2.getRotationMatrix2D(focus_px, 0.0, 1.03)
+        yield second + 0.1, np.asarray(cv2.warpAffine(image, growth, SIZE), np.uint8)
+
+
+def of_clip(rig_data: Path, clip: str, disturb: Disturbance) -> tuple[list[SensorImpaired], float]:
+    """The same of a clip at some 15 pictures a second."""
+    video = VideoFile(str(rig_data / "clips" / f"{clip}.mp4"), None)
+    every = max(1, round(video.fps / CAMERA_FPS))
+    frames = [each for index, each in enumerate(video) if index % every == 0]
+    height_px, width_px = frames[0].image.shape[:2]
+    images = ((each.stamp_s, disturb(each.image)) for each in frames)
+    lens = guessed_calibration(width_px, height_px)
+    return watched(images, mounted(lens, *HEADINGS_RAD[clip]))
+
+
+def test_the_focus_of_expansion_is_found() -> None:
+    (_, before), (_, now) = islice(approached((400.0, 150.0)), 2)
+    focus = focus_of_expansion(detail(before), detail(now))
+
+    assert focus is not None
+    assert focus == pytest.approx((400.0, 150.0), abs=3.0)
+    assert focus_of_expansion(detail(before), detail(before)) is None
+
+
+@pytest.mark.parametrize(("right_deg", "down_deg"), [(-4.0, 0.0), (0.0, 4.0)])
+def test_a_camera_that_heads_elsewhere_than_calibrated_is_turned(
+    right_deg: float, down_deg: float
+) -> None:
+    focus_px = Perspective(LENS).project(
+        RoadPosition(
+            1e6, 1e6 * math.tan(math.radians(right_deg)), -1e6 * math.tan(math.radians(down_deg))
+        )
+    )
+    turned_events, sigma = watched(approached(focus_px), mounted(LENS, 0.0, 0.0))
+    right_rad, down_rad = math.radians(right_deg), math.radians(down_deg)
+    clear_events, _ = watched(approached(focus_px), mounted(LENS, right_rad, down_rad))
+
+    assert [event.impairments for event in turned_events] == [(Impairment.TURNED,)]
+    assert sigma == RANGE_SIGMA[Impairment.TURNED]
+    assert clear_events == []
+
+
+def test_a_blurred_or_dazzled_camera_is_reported_after_some_seconds_and_until_it_sees() -> None:
+    road = RENDERER.draw(Scene(()), np.random.default_rng(1))
+    clear, blurred = [road] * 6, [motion_blurred(road)] * 6
+    images = [*clear, *blurred, *clear, *([bright(road)] * 6)]
+    drive = ((float(at), np.roll(image, at, axis=1)) for at, image in enumerate(images))
+    events, _ = watched(drive, CAMERA)
+
+    assert [event.impairments for event in events] == [
+        (Impairment.BLURRED,),
+        (),
+        (Impairment.OVER_EXPOSED,),
+    ]
+    assert [event.stamp_s for event in events] == [10.0, 13.0, 22.0]
+
+
+@pytest.mark.long
+@pytest.mark.realdata
+@pytest.mark.parametrize("clip", HEADINGS_RAD)
+def test_a_clear_camera_is_not_impaired(clip: str, rig_data: Path) -> None:
+    events, _ = of_clip(rig_data, clip, lambda image: image)
+
+    assert events == []
+
+
+@pytest.mark.long
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("clip", "disturb", "impairment"),
+    [
+        ("gantries-360p", turned(4.0, 0.0), Impairment.TURNED),
+        ("gantries-360p", turned(0.0, -4.0), Impairment.TURNED),
+        ("gantries-360p", motion_blurred, Impairment.BLURRED),
+        ("empty-lane-540p", motion_blurred, Impairment.BLURRED),
+        ("small-leads-320p", motion_blurred, Impairment.BLURRED),
+        ("gantries-360p", bright, Impairment.OVER_EXPOSED),
+        ("gantries-360p", lambda image: smears(image, 30), Impairment.DIRTY),
+    ],
+)
+def test_an_impaired_camera_is_reported_and_its_ranges_are_less_certain(
+    clip: str, disturb: Disturbance, impairment: Impairment, rig_data: Path
+) -> None:
+    events, sigma = of_clip(rig_data, clip, disturb)
+
+    assert events[0].impairments == (impairment,)
+    assert sigma >= RANGE_SIGMA[impairment]
