@@ -12,6 +12,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Sequence
 
 from onboard.lcca.events import WarningLevel, WarningRaised
+from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.lcca import CarId, Warn
 from onboard.misbehaviour.signer_credibility import PASSING_ON, SignerCredibility
 from onboard.observations import BrakeCause, Lead
@@ -145,8 +146,8 @@ class AlarmClaims:
             shown = [self._admit_test(reason.name, now) for reason in assessment.reasons]
             return all(shown)
         slows_traffic = row_of(cause).slows_traffic or not self._has_sight
-        for name in dict.fromkeys(reason.name for reason in assessment.reasons):
-            signers = self._claimants(name)
+        for what, name in dict.fromkeys((each.what, each.name) for each in assessment.reasons):
+            signers = self._claimants(name, is_bsm=what == BasicSafetyMessage.kind)
             if signers and not self.credibility.admit(
                 cause,
                 name,
@@ -183,9 +184,16 @@ class AlarmClaims:
         signers = self._claimants(each.name)
         return not signers or not self.is_ignored(each.name, signers, now)
 
-    def _claimants(self, name: str) -> frozenset[bytes]:
-        """Return who claims a braking or a vehicle; nobody, if own sensors measure it."""
+    def _claimants(self, name: str, *, is_bsm: bool = False) -> frozenset[bytes]:
+        """Return who claims a braking or a vehicle; nobody, if own sensors measure it.
+
+        Args:
+            name: of the vehicle.
+            is_bsm: whether its BSM claims it; without a position it is no perceived object.
+        """
         claimed = self._objects.get(name)
+        if claimed is None and is_bsm:
+            return frozenset({self._signer_of(bytes.fromhex(name)) or NO_SENDER})
         if claimed is None:
             return frozenset({self._brakings[name]} if name in self._brakings else ())
         if claimed.is_sensed:

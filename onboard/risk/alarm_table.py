@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from onboard.risk.alarm import Cause, Level
 from onboard.risk.application import Application
+from onboard.risk.braking_ahead import BrakingAhead
 from onboard.risk.eebl import EmergencyElectronicBrakeLights
 from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist, LeftTurnAssist
@@ -107,6 +108,13 @@ ALARMS: tuple[AlarmRow, ...] = (
         "A car ahead brakes hard",
         Headline.BRAKE,
         slows_traffic=True,
+    ),
+    AlarmRow(
+        BrakingAhead,
+        "Hard braking farther ahead",
+        Headline.BRAKE,
+        slows_traffic=True,
+        may_brake=False,
     ),
     AlarmRow(
         IntersectionMovementAssist,

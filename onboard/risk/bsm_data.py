@@ -1,6 +1,7 @@
 """Data of BSMs beside the motion of the sender: elevation, size, hard braking, path history."""
 
 import math
+from collections.abc import ItemsView
 from dataclasses import dataclass
 
 from onboard.kinematics.heading import Heading
@@ -68,6 +69,10 @@ class BsmDataStore:
         self._of = {
             name: data for name, data in self._of.items() if now - data.received_s <= _TIMEOUT_S
         }
+
+    def items(self) -> ItemsView[str, BsmData]:
+        """Return all vehicles' data, by name."""
+        return self._of.items()
 
     def get(self, name: str) -> BsmData | None:
         """Return the data of the vehicle with this name, if there is any."""

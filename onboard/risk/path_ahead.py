@@ -56,6 +56,8 @@ class PlaceOnPath:
     """Along the path."""
     left_m: float
     """To the left of the path."""
+    left_sigma_m: float
+    """Of that, without the errors of both positions."""
     course_rad: float
     """Direction of the path there, from east to north, as of the states."""
 
@@ -87,6 +89,19 @@ class PathAhead:
             history_m: returns past positions of the other, metres east and north of its last one,
                 the newest first.
         """
+        place = self.place_in_any_lane(own, other, history_m, RANGE_M)
+        if place is None or abs(place.left_m) > OWN_LANE_M:
+            return None
+        return place if place.left_sigma_m <= MAX_LATERAL_SIGMA_M else None
+
+    def place_in_any_lane(
+        self,
+        own: PerceivedObject,
+        other: PerceivedObject,
+        history_m: Callable[[], Sequence[_Point]],
+        range_m: float,
+    ) -> PlaceOnPath | None:
+        """Return the same for all lanes of this direction, up to `range_m`."""
         x, y, east, north = own.state
         speed_m_s = math.hypot(east, north)
         if not speed_m_s > _AT_REST_M_S:
@@ -95,7 +110,7 @@ class PathAhead:
         to_east, to_north = other.state[0] - x, other.state[1] - y
         here = to_east * cos + to_north * sin, to_north * cos - to_east * sin
         distance_m = math.hypot(*here)
-        if not here[0] > _NEAREST_M or distance_m > RANGE_M:
+        if not here[0] > _NEAREST_M or distance_m > range_m:
             return None
         curvature = self._curvature(own, other, distance_m)
         ahead_m, left_m = _on_circle(here, curvature.mean_1_m)
@@ -115,9 +130,7 @@ class PathAhead:
             weight = variance / (variance + HISTORY_SIGMA_M**2)
             left_m += weight * (passed_m - left_m)
             variance *= 1.0 - weight
-        if abs(left_m) <= OWN_LANE_M and variance <= MAX_LATERAL_SIGMA_M**2:
-            return PlaceOnPath(ahead_m, left_m, course_rad)
-        return None
+        return PlaceOnPath(ahead_m, left_m, math.sqrt(variance), course_rad)
 
     def _curvature(
         self, own: PerceivedObject, other: PerceivedObject, distance_m: float

@@ -8,6 +8,7 @@ from onboard.misbehaviour.alarm_claims import NOBODY, TEST_EVERY_S, TEST_S, Alar
 from onboard.misbehaviour.signer_credibility import MOST_ALARMS, PASSING_ON
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
+from onboard.risk.braking_ahead import BRAKING_AHEAD
 from onboard.risk.lcca_warning import LCCA
 from onboard.sensors.host_state import SPEED_VALID_S, HostState
 from tests.risk.lcca_warnings import lcca_warning
@@ -165,3 +166,20 @@ def test_a_braking_raises_its_alarm_after_tests_of_the_same_vehicle() -> None:
         claims.admit(LCCA, test, at / 10.0)
 
     claim_braking(claims, 1, 5.0)
+
+
+def test_a_braking_ahead_without_positions_is_charged_to_who_signs_its_bsm() -> None:
+    signer = {bytes.fromhex("0a0b0c0d"): SIGNER}
+    claims = AlarmClaims(signer.get, lambda _: False, HostState(), has_sight=True)
+
+    admitted = [
+        claims.admit(
+            BRAKING_AHEAD,
+            Assessment(Level.CAUTION, 4.0, (AlarmReason("bsm", "0a0b0c0d", 0.0),)),
+            30.0 * number,
+        )
+        for number in range(MOST_ALARMS + 1)
+    ]
+
+    assert admitted == [True] * MOST_ALARMS + [False]
+    assert claims.credibility.is_ignored(SIGNER, 100.0)

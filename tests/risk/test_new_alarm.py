@@ -118,5 +118,7 @@ def test_a_scenario_may_expect_it() -> None:
 
 
 def test_a_scenario_may_expect_no_cause_that_is_not_in_the_table() -> None:
-    with pytest.raises(ValidationError, match="must be one of lcca, fcw, eebl, ima, lta"):
+    with pytest.raises(
+        ValidationError, match="must be one of lcca, fcw, eebl, braking_ahead, ima, lta"
+    ):
         TypeAdapter(Expectation).validate_python(EXPECTED)
