@@ -61,9 +61,9 @@ class SparseRoad:
     def advance(self, seconds: float) -> None:
         """Let all cars drive on."""
         draws = self._rng.standard_normal((2, len(self.lanes)))
-        self._swayed_m_s2 = _wandered(self._swayed_m_s2, self._sways, seconds / SWAY_S, draws[0])
+        self._swayed_m_s2 = wandered(self._swayed_m_s2, self._sways, seconds / SWAY_S, draws[0])
         changes_m_s: Array = np.where(self._is_first, CHANGE_M_S, 0.0)
-        self._changed_m_s = _wandered(self._changed_m_s, changes_m_s, seconds / CHANGE_S, draws[1])
+        self._changed_m_s = wandered(self._changed_m_s, changes_m_s, seconds / CHANGE_S, draws[1])
         accelerations = idm_acceleration(
             self.speeds_m_s,
             np.maximum(self._wished_m_s + self._changed_m_s, 1.0),
@@ -94,7 +94,7 @@ def _shares(weights: tuple[float, ...]) -> list[float]:
     return [each / sum(weights) for each in weights]
 
 
-def _wandered(values: Array, sigmas: Array, times: float, draws: Array) -> Array:
+def wandered(values: Array, sigmas: Array | float, times: float, draws: Array) -> Array:
     """Go on with an Ornstein-Uhlenbeck process for so many of its times."""
     keep = math.exp(-times)
     result: Array = keep * values + math.sqrt(1.0 - keep**2) * sigmas * draws
