@@ -29,6 +29,7 @@ from sim_rig.rendering.scene import SceneCar
 from sim_rig.scenario.radio_settings import CsmaSettings, SidelinkSettings
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaigns.study import Case
+from sim_rig.studies.lcca.platoon_cautions import Cautions, PlatoonCautions
 from sim_rig.studies.lcca.platoon_channel import CHANNEL_STEP_S, LossyChannel, PlatoonChannel
 from sim_rig.studies.lcca.platoon_sight import (
     LENSES,
@@ -67,6 +68,10 @@ class ChainSettings(Settings):
     sights: Several[Sight] = ("unlimited", "recommended", "rig")
     """How cars know their lead: `unlimited`; by the camera model with the `recommended` lens or
     the one of the `rig`; or up to so many metres."""
+    cautions: Several[Cautions] = ("off",)
+    """Whether drivers are cautioned of hard braking ahead, beside the warnings of their groups, and
+    how cars know that it is ahead: `off`; by `motion`; by positions, too, with this sigma in m; or
+    `known`, the ceiling."""
     reaction_medians_s: Several[Positive] = (1.0, 1.5)
     """Medians of the log-normal reaction time without a warning."""
     reaction_sigma: float = Field(0.35, ge=0.0, le=1.5)
@@ -107,6 +112,7 @@ class ChainCase(Case):
     cars: int
     sight: Sight
     """How they know their lead."""
+    cautions: Cautions
     share: float
     """Of the cars with a radio."""
 
@@ -165,6 +171,17 @@ class Platoon:
                 begin_s=-settings.forming_s,
             )
             self._step_s = CHANNEL_STEP_S
+        self._cautions: PlatoonCautions | None = None
+        if case.cautions != "off":
+            self._cautions = PlatoonCautions(
+                case.cautions,
+                self._radios,
+                positions_m,
+                self._gaps_m / self._speed_m_s,
+                self._speed_m_s,
+                speedometers,
+                np.random.default_rng([seed, cars, 4]),
+            )
         self.brakes_s = [0.0] + [math.inf] * (cars - 1)
         self.warned_s = [math.inf] * cars
         self._braking_detected: set[int] = set()
@@ -175,6 +192,8 @@ class Platoon:
         self.known = self.wrongly_known = 0
         """Those of them that know their lead when the first car brakes; that take it for another
         one."""
+        self.cautioned = self.wrongly_cautioned = 0
+        """Cautions of a car ahead that brakes, and of one behind."""
         self.warn_messages = 0
         self.events = 0
         self.flooding_messages = 0
@@ -282,7 +301,14 @@ class Platoon:
             for car in receivers:
                 self._awake(car).receive_message(message, None, now, now)
                 self._send(car, now)
+        if self._cautions is not None:
+            self._cautions.advance(now)
         for sender, receivers in self._channel.bsms_received(now):
+            if self._cautions is not None and sender in self._braking_detected:
+                for car in self._cautions.receive_braking(sender, receivers, now):
+                    self.warned_s[car] = min(self.warned_s[car], now)
+                    self.cautioned += car > sender
+                    self.wrongly_cautioned += car < sender
             temporary_id, speed_m_s = _temporary_id(sender), float(self._measured_m_s[sender])
             for car in self._identifying.intersection(receivers):
                 self._awake(car).identification.receive_speed_on_air(

@@ -18,6 +18,7 @@ def axes(settings: ChainSettings) -> Axes:
         "reaction_median_s": settings.reaction_medians_s,
         "cars": settings.cars,
         "sight": settings.sights,
+        "cautions": settings.cautions,
         "share": settings.shares,
     }
 
@@ -28,6 +29,7 @@ class ChainRow:
 
     cars: int
     sight: str
+    cautions: str
     share: float
     reaction_median_s: float
     seed: int
@@ -38,6 +40,9 @@ class ChainRow:
     """Of those, the ones that know the lead when the first car brakes."""
     wrongly_known: int
     warned: int
+    """By their groups, or cautioned."""
+    cautioned: int
+    wrongly_cautioned: int
     warn_messages: int
     events: int
     flooding_messages: int
@@ -50,6 +55,7 @@ class ChainLine:
     reaction_median_s: float
     cars: int
     sight: str
+    cautions: str
     share_with_radio: float
     platoons: int
     crashes_per_platoon: float
@@ -63,6 +69,9 @@ class ChainLine:
     """Share of the followers that know their lead, if both have a radio, when the first car
     brakes."""
     wrongly_known: int
+    cautioned: int
+    wrongly_cautioned: int
+    """Of a car behind."""
     warn_messages_per_event: float
     flooding_messages_per_event: float
 
@@ -77,6 +86,7 @@ def run(settings: ChainSettings, case: ChainCase) -> ChainRow:
     return ChainRow(
         cars=case.cars,
         sight=str(case.sight),
+        cautions=str(case.cautions),
         share=case.share,
         reaction_median_s=case.reaction_median_s,
         seed=settings.seed + case.repetition,
@@ -85,6 +95,8 @@ def run(settings: ChainSettings, case: ChainCase) -> ChainRow:
         known=platoon.known,
         wrongly_known=platoon.wrongly_known,
         warned=sum(math.isfinite(at) for at in platoon.warned_s),
+        cautioned=platoon.cautioned,
+        wrongly_cautioned=platoon.wrongly_cautioned,
         warn_messages=platoon.warn_messages,
         events=platoon.events,
         flooding_messages=platoon.flooding_messages,
@@ -97,13 +109,14 @@ def table(settings: ChainSettings, rows: Sequence[ChainRow]) -> list[ChainLine]:
 
 
 def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
-    of_sight = (case.reaction_median_s, case.cars, str(case.sight))
+    of_kind = (case.reaction_median_s, case.cars, str(case.sight), str(case.cautions))
 
     def at(wanted: float) -> list[ChainRow]:
         return [
             row
             for row in rows
-            if (row.reaction_median_s, row.cars, row.sight) == of_sight and row.share == wanted
+            if (row.reaction_median_s, row.cars, row.sight, row.cautions) == of_kind
+            and row.share == wanted
         ]
 
     mine = at(case.share)
@@ -123,6 +136,7 @@ def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
         reaction_median_s=case.reaction_median_s,
         cars=case.cars,
         sight=str(case.sight),
+        cautions=str(case.cautions),
         share_with_radio=case.share,
         platoons=len(mine),
         crashes_per_platoon=float(np.mean(crashes)),
@@ -132,13 +146,15 @@ def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
         reduction_high_95=high,
         known=sum(row.known for row in mine) / followers if followers else math.nan,
         wrongly_known=sum(row.wrongly_known for row in mine),
+        cautioned=sum(row.cautioned for row in mine),
+        wrongly_cautioned=sum(row.wrongly_cautioned for row in mine),
         warn_messages_per_event=per_event("warn_messages"),
         flooding_messages_per_event=per_event("flooding_messages"),
     )
 
 
-def _platoon_of(line: ChainLine) -> tuple[float, int, str]:
-    return line.reaction_median_s, line.cars, line.sight
+def _platoon_of(line: ChainLine) -> tuple[float, int, str, str]:
+    return line.reaction_median_s, line.cars, line.sight, line.cautions
 
 
 def picture(results: ChainResults) -> Figure:
@@ -146,10 +162,13 @@ def picture(results: ChainResults) -> Figure:
     table = results.table
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for median_s, cars, sight in dict.fromkeys(map(_platoon_of, table)):
-        mine = [line for line in table if _platoon_of(line) == (median_s, cars, sight)]
+    for platoon in dict.fromkeys(map(_platoon_of, table)):
+        mine = [line for line in table if _platoon_of(line) == platoon]
+        median_s, cars, sight, cautions = platoon
         shares = [line.share_with_radio for line in mine]
         label = f"{cars} cars, {median_s:g} s, {sight}"
+        if cautions != "off":
+            label += f", cautions {cautions}"
         left.errorbar(
             shares,
             [line.crashes_per_platoon for line in mine],

@@ -123,3 +123,20 @@ def test_over_the_channel_inquiries_are_answered_too() -> None:
     row = STUDY.one(settings, 0)
     assert row.known >= 3
     assert row == STUDY.one(settings, 0)
+
+
+def test_cautions_pass_over_cars_without_a_radio() -> None:
+    """The ceiling: nobody's group reaches over them."""
+    given = {"cars": (10,), "sights": ("unlimited",), "shares": (0.0, 0.4), "runs": 3}
+    settings = ChainSettings.model_validate(
+        given | {"cautions": ("off", "known"), "reaction_medians_s": (1.5,)}
+    )
+    rows = [STUDY.one(settings, number) for number in range(12)]
+    crashes = {
+        kind: sum(row.crashes for row in rows if (row.cautions, row.share) == kind)
+        for kind in (("off", 0.0), ("off", 0.4), ("known", 0.0), ("known", 0.4))
+    }
+
+    assert crashes["known", 0.0] == crashes["off", 0.0]
+    assert crashes["known", 0.4] < crashes["off", 0.4]
+    assert all(row.wrongly_cautioned == 0 for row in rows)
