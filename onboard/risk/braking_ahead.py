@@ -4,7 +4,7 @@ Vehicles without a radio may drive in between, so nobody of the warning group pa
 vehicle on the air sets the hard braking flag in its BSM; whether it is ahead in the own lane
 follows by Bayes' rule from its motion until then (`stream_motion`) and, if both have one, its
 place on the path. What is not certain enough for a warning is shown as a caution, and never
-brakes.
+brakes. Who is near enough, and placed well enough, for EEBL is left to that.
 """
 
 import math
@@ -76,7 +76,7 @@ class BrakingAhead(Application):
 
 
 def place_odds(name: str, situation: Situation) -> float:
-    """Return the odds of a vehicle on the air being ahead in the own lane, by its place alone."""
+    """Return the odds of a vehicle being ahead in the own lane, and not EEBL's, by its place."""
     own, data = situation.own, situation.bsm_data
     received = data.get(name)
     has_place = received is not None and received.last.core.latitude_deg is not None
@@ -85,11 +85,12 @@ def place_odds(name: str, situation: Situation) -> float:
     other = next((each for each in situation.others if each.name == name), None)
     if other is None:
         return 0.0
-    place = situation.path.place_in_any_lane(
-        own, other, partial(data.path_history_m, name), FARTHEST_M
-    )
+    history_m = partial(data.path_history_m, name)
+    place = situation.path.place_in_any_lane(own, other, history_m, FARTHEST_M)
     if place is None or data.is_on_another_level(other, place.ahead_m):
         return 0.0
+    if situation.path.place(own, other, history_m) is not None:
+        return 0.0  # one braking, one alarm: EEBL's
     sigma_m = math.hypot(place.left_sigma_m, _sigma_m(own), _sigma_m(other), IN_LANE_M)
     in_lane, left, right = (
         _density_1_m(place.left_m - lane_m, sigma_m) for lane_m in (0.0, LANE_M, -LANE_M)

@@ -12,17 +12,13 @@ from onboard.observations import Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.alarm_table import row_of
 from onboard.risk.braking_ahead import BRAKING_AHEAD
-from onboard.risk.eebl import FLAG_HOLD_S
+from onboard.risk.eebl import EEBL, FLAG_HOLD_S
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from tests.risk.bends import LANE_M, Road, Scene
 
-BENDS = {
-    "straight": lambda way_m: 0.0,
-    "bend": lambda way_m: 1.0 / 600.0,
-    "out of a bend": lambda way_m: 1.0 / 600.0 if way_m < 400.0 else 0.0,
-}
-"""Curvature; the host vehicle is at 300 m."""
+BENDS = {"straight": lambda way_m: 0.0, "bend": lambda way_m: 1.0 / 600.0}
+"""Curvature."""
 SEEDS = range(5)
 OTHER = bytes(4)
 
@@ -42,15 +38,14 @@ def is_cautioned(scene: Scene) -> bool:
     return levels(monitor) == [Level.CAUTION]
 
 
-@pytest.mark.parametrize("ahead_m", [45.0, 120.0])
 @pytest.mark.parametrize("bend", BENDS)
-def test_a_vehicle_in_the_own_lane(bend: str, ahead_m: float) -> None:
+def test_a_vehicle_far_ahead_in_the_own_lane(bend: str) -> None:
     road = Road(BENDS[bend])
 
-    assert all(is_cautioned(Scene(road, ahead_m, lambda _: 0.0, seed=seed)) for seed in SEEDS)
+    assert all(is_cautioned(Scene(road, 180.0, lambda _: 0.0, seed=seed)) for seed in SEEDS)
 
 
-@pytest.mark.parametrize("ahead_m", [45.0, 120.0])
+@pytest.mark.parametrize("ahead_m", [45.0, 180.0])
 @pytest.mark.parametrize("bend", BENDS)
 def test_a_vehicle_in_the_lane_beside(bend: str, ahead_m: float) -> None:
     road = Road(BENDS[bend])
@@ -58,6 +53,14 @@ def test_a_vehicle_in_the_lane_beside(bend: str, ahead_m: float) -> None:
     assert not any(
         is_cautioned(Scene(road, ahead_m, lambda _: LANE_M, seed=seed)) for seed in SEEDS
     )
+
+
+def test_a_vehicle_of_which_eebl_warns_raises_no_second_alarm() -> None:
+    monitor, own, other, now = Scene(Road(BENDS["straight"]), 45.0, lambda _: 0.0).drive(300.0)
+    monitor.assess(own, [other], now)
+
+    events = [event for event in iter(monitor.next_event, None) if isinstance(event, Alarm)]
+    assert [event.cause for event in events] == [EEBL]
 
 
 def test_a_vehicle_behind() -> None:

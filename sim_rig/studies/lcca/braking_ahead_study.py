@@ -1,4 +1,4 @@
-"""Whom the alarm of hard braking ahead takes for a car ahead in the own lane on a dense road.
+"""Whom the alarms of braking ahead take for a car ahead in the own lane on a dense road.
 
 Hosts drive on a road with three lanes each way (`dense_road.py`), all cars have radios, and each
 car's hard braking is judged again and again. Braking itself changes nothing here: each is judged

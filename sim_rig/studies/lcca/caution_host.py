@@ -1,4 +1,4 @@
-"""A host vehicle of a study with one alarm alone: hard braking ahead.
+"""A host vehicle of a study with two alarms alone: EEBL, and hard braking ahead.
 
 Roads are straight and lead north. Receivers have errors of their own, which last as long as those
 of satellites and reflections do.
@@ -22,6 +22,7 @@ from onboard.observations import Speed
 from onboard.risk.alarm import Assessment
 from onboard.risk.braking_ahead import BrakingAhead
 from onboard.risk.bsm_data import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, BsmDataStore
+from onboard.risk.eebl import EmergencyElectronicBrakeLights
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.settings import RiskSettings
 from onboard.risk.situation import Situation
@@ -84,7 +85,8 @@ class CautionHost:
     def __init__(self, sigma_m: float) -> None:
         """Start at rest; `sigma_m` is that of all positions."""
         self._sigma_m = sigma_m
-        self._application = BrakingAhead(RiskSettings())
+        settings = RiskSettings()
+        self._applications = EmergencyElectronicBrakeLights(settings), BrakingAhead(settings)
         self._host, self._path, self._data = HostState(), PathAhead(), BsmDataStore()
         self._others: dict[str, PerceivedObject] = {}
 
@@ -113,7 +115,7 @@ class CautionHost:
         self._data.receive_bsm(BasicSafetyMessage(core, safety), now)
 
     def brakings_ahead(self, speed_m_s: float, place: State | None, now: float) -> set[int]:
-        """Return the cars of whose hard braking the driver is cautioned now.
+        """Return the cars of whose hard braking the driver is cautioned or warned now.
 
         Args:
             speed_m_s: the own one on the bus.
@@ -133,7 +135,7 @@ class CautionHost:
             None if place is None else self._object("host", ObjectSource.HOST, place, now),
             [] if place is None else list(self._others.values()),
         )
-        assessed = self._application.assess(situation)
+        assessed = [each for alarm in self._applications for each in alarm.assess(situation)]
         self._others.clear()
         return {int(each.reasons[0].name, 16) for each in assessed if isinstance(each, Assessment)}
 
