@@ -3,9 +3,11 @@
     python -m deploy.power_cuts build/box [--cuts 50] [--table FILE]
 
 First installation, update and downgrade take turns, each cut at a random moment: every process of
-install.sh is ended at once by SIGKILL, below a folder in place of /. The box then has to get ready
-with the old release or the new one. Each cut is written down when it is done, so that another run
-goes on where this one ended.
+install.sh is ended at once by SIGKILL, below a folder in place of /. A third of the moments is
+after the switch of `current`, which is near the end. The box then has to get ready with the new
+release if `current` was switched, and else with the old one; if there was none, another run of
+install.sh has to complete it. Each cut is written down when it is done, so that another run goes on
+where this one ended.
 """
 
 import argparse
@@ -31,6 +33,9 @@ from deploy.releases import ABOUT, SIGNATURE, SUMS, Bundle
 
 REPOSITORY = Path(__file__).parents[1]
 WORK = Path("out/power-cuts")
+POLL_S = 0.001
+"""Interval at which `current` is read."""
+STEPS = ("first", "update", "downgrade")
 NONE = "not installed"
 TOOL = "onboard-releases"
 READY_WITHIN_S = 60
@@ -55,29 +60,55 @@ class CutInstallation:
     step: str
     after_s: str
     """Since the start of install.sh."""
+    current: str
+    """`old` or `new`: which release `current` named after the cut."""
     came_up: str
     """`old`, `new`, or why it did not get ready."""
 
     @property
     def is_good(self) -> bool:
-        """Whether the box came up without anybody's help."""
-        return self.came_up in ("old", "new")
+        """Whether the box came up with the release that was in use, without anybody's help."""
+        return self.came_up == self.current
 
 
-def cut(install_sh: Path, root: Path, after_s: float) -> bool:
+def cut(
+    install_sh: Path, root: Path, after_s: float, switched_to: str | None = None
+) -> float | None:
     """Begin to install, and end every process of it at once.
 
+    Args:
+        install_sh: of the folder to install.
+        root: folder in place of /.
+        after_s: when, since the start, or since `current` is `switched_to` if this is given.
+        switched_to: name of the release that is installed.
+
     Returns:
-        whether it was not done yet.
+        when it was cut, s since the start; `None` if it was done before.
     """
+    began_s = time.monotonic()
     process = _install(install_sh, root)
     try:
+        if switched_to is not None:
+            _await_switch(process, root, switched_to)
         process.wait(after_s)
     except subprocess.TimeoutExpired:
-        return True
+        return time.monotonic() - began_s
     finally:
         _end(process, root)
-    return False
+    return None
+
+
+def _await_switch(process: subprocess.Popen[bytes], root: Path, name: str) -> None:
+    while current_release(root) != name and process.poll() is None:
+        time.sleep(POLL_S)
+
+
+def current_release(root: Path) -> str:
+    """Name of the release that `current` names; `NONE` without one."""
+    try:
+        return (root / "opt" / "onboard" / "current").readlink().name
+    except OSError:
+        return NONE
 
 
 def _end(process: subprocess.Popen[bytes], root: Path) -> None:
@@ -109,7 +140,7 @@ def started_release(root: Path, configuration: Path) -> str:
         daemon.
     """
     home = root / "opt" / "onboard"
-    if not (home / "current").is_symlink():
+    if current_release(root) == NONE:
         return NONE
     if (home / TOOL).exists():
         _releases(root, "started")
@@ -126,7 +157,7 @@ def started_release(root: Path, configuration: Path) -> str:
         for last in process.stdout:
             if '"event": "ready"' in last:
                 process.terminate()
-                return (home / "current").readlink().name
+                return current_release(root)
     return last.strip()
 
 
@@ -150,42 +181,54 @@ class Box:
         (self._states / NONE).mkdir(parents=True)
         for name in bundles:
             self._put(NONE)
-            self.takes_s = self._complete(name)
+            self._takes_s, self._after_switch_s = self._complete(name)
             _releases(self._root, "proven")
             self._root.rename(self._states / name)
 
-    def cut(self, installation: Installation, rng: np.random.Generator) -> tuple[float, str]:
-        """Cut one installation.
+    def cut(
+        self, installation: Installation, rng: np.random.Generator, *, is_switched: bool
+    ) -> tuple[float, str, str]:
+        """Cut one installation, after its switch if `is_switched`.
 
         Returns:
-            when, s since its start, and what came up.
+            when, s since its start, which release `current` named then, and what came up.
         """
+        wanted = installation.wanted
         while True:
             self._put(installation.before)
-            after_s, began_s = rng.uniform(0.0, self.takes_s), time.monotonic()
-            if cut(self._bundles[installation.wanted] / "install.sh", self._root, after_s):
-                return after_s, self._came_up(installation)
-            self.takes_s = time.monotonic() - began_s
+            takes_s = self._after_switch_s if is_switched else self._takes_s
+            install_sh = self._bundles[wanted] / "install.sh"
+            began_s = time.monotonic()
+            moment_s = rng.uniform(0.0, takes_s)
+            cut_s = cut(install_sh, self._root, moment_s, wanted if is_switched else None)
+            if cut_s is not None:
+                current = "new" if current_release(self._root) == wanted else "old"
+                return cut_s, current, self._came_up(installation)
+            if is_switched:
+                self._after_switch_s = moment_s
+            else:
+                self._takes_s = time.monotonic() - began_s
 
     def _came_up(self, installation: Installation) -> str:
         found = started_release(self._root, self._configuration)
-        if found == installation.wanted:
-            return "new"
-        if found != installation.before:
+        if found not in (installation.before, installation.wanted):
             return found
-        if found == NONE:
+        if installation.before == NONE:
             self._complete(installation.wanted)
-        return "old"
+        return "new" if found == installation.wanted else "old"
 
-    def _complete(self, name: str) -> float:
-        """Install; return how long it takes, s."""
+    def _complete(self, name: str) -> tuple[float, float]:
+        """Install; return how long it takes, and how long after its switch, s."""
         began_s = time.monotonic()
-        code = _install(self._bundles[name] / "install.sh", self._root).wait()
-        took_s = time.monotonic() - began_s
+        process = _install(self._bundles[name] / "install.sh", self._root)
+        _await_switch(process, self._root, name)
+        switched_s = time.monotonic()
+        code = process.wait()
+        ended_s = time.monotonic()
         found = started_release(self._root, self._configuration)
         if code != 0 or found != name:
             raise SystemExit(f"{name} cannot be installed: exit code {code}, {found}")
-        return took_s
+        return ended_s - began_s, ended_s - switched_s
 
     def _put(self, state: str) -> None:
         """Restore a state at the same place, since environments name theirs."""
@@ -220,8 +263,10 @@ def _cuts(
     """Yield the cuts of these numbers, each after it is written to `file`."""
     for number in numbers:
         installation = steps[number % len(steps)]
-        after_s, came_up = box.cut(installation, np.random.default_rng([_SEED, number]))
-        done = CutInstallation(number, installation.step, f"{after_s:.2f}", came_up)
+        is_switched = number // len(steps) % 3 == 0
+        rng = np.random.default_rng([_SEED, number])
+        after_s, current, came_up = box.cut(installation, rng, is_switched=is_switched)
+        done = CutInstallation(number, installation.step, f"{after_s:.2f}", current, came_up)
         is_new = not file.exists()
         with file.open("a", newline="", encoding="utf-8") as opened:
             writer = csv.writer(opened, lineterminator="\n")
@@ -232,15 +277,25 @@ def _cuts(
 
 
 def write_table(file: Path, done: list[CutInstallation]) -> None:
-    """Write how many boxes came up with which release, a row for each kind of installation."""
-    found = Counter((each.step, each.came_up if each.is_good else "neither") for each in done)
+    """Write which release came up, a row for each kind of installation and what `current` was."""
+    kinds = sorted({(each.step, each.current) for each in done}, key=_order)
     with file.open("w", newline="", encoding="utf-8") as opened:
         writer = csv.writer(opened, lineterminator="\n")
-        writer.writerow(("installation", "cuts", "old", "new", "neither", "latest_cut_s"))
-        for step in dict.fromkeys(each.step for each in done):
-            counts = [found[step, came_up] for came_up in ("old", "new", "neither")]
-            latest = max(float(each.after_s) for each in done if each.step == step)
-            writer.writerow((step, sum(counts), *counts, f"{latest:.1f}"))
+        writer.writerow(
+            ("installation", "current", "cuts", "old", "new", "neither", "latest_cut_s")
+        )
+        for step, current in kinds:
+            of_kind = [each for each in done if (each.step, each.current) == (step, current)]
+            found = Counter(each.came_up for each in of_kind)
+            neither = len(of_kind) - found["old"] - found["new"]
+            latest_s = max(float(each.after_s) for each in of_kind)
+            counts = (len(of_kind), found["old"], found["new"], neither)
+            writer.writerow((step, current, *counts, f"{latest_s:.1f}"))
+
+
+def _order(kind: tuple[str, str]) -> tuple[int, bool]:
+    step, current = kind
+    return STEPS.index(step), current == "new"
 
 
 def main() -> int:
@@ -258,17 +313,14 @@ def main() -> int:
     done = _done(file)
     if len(done) < arguments.cuts:
         box = Box(work, dict(zip((new, old), folders, strict=True)))
-        steps = [
-            Installation("first", NONE, new),
-            Installation("update", old, new),
-            Installation("downgrade", new, old),
-        ]
+        releases = ((NONE, new), (old, new), (new, old))
+        steps = [Installation(step, *each) for step, each in zip(STEPS, releases, strict=True)]
         for each in _cuts(file, box, steps, range(len(done), arguments.cuts)):
             done.append(each)
             when = f"{each.step}, cut after {each.after_s} s"
             print(f"{len(done)} of {arguments.cuts}: {when}: {each.came_up}", flush=True)
     good = sum(each.is_good for each in done)
-    print(f"{good} of {len(done)} came up with the old or the new release; each cut is in {file}")
+    print(f"{good} of {len(done)} came up with the release that was in use; each cut is in {file}")
     if arguments.table is not None:
         write_table(arguments.table, done)
     return int(good < len(done))
