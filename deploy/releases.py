@@ -23,6 +23,7 @@ next start.
 
 import argparse
 import contextlib
+import errno
 import fcntl
 import filecmp
 import hashlib
@@ -243,12 +244,12 @@ class Releases:
             raise RefusedError(f"no release {name}; there are {', '.join(self.names()) or 'none'}")
         (self._home / "starts").unlink(missing_ok=True)
         (self._home / "failed").unlink(missing_ok=True)
-        self._put_units(name)
         try:
+            self._put_units(name)
             self._link("current", name)
         except OSError:
             if before is not None:
-                self._put_units(before)
+                self._take_back_units(before)
             raise
 
     def _put_units(self, name: str) -> None:
@@ -261,7 +262,7 @@ class Releases:
             _run("systemctl", "daemon-reload")
 
     def _take_back_units(self, name: str) -> None:
-        """Put them at a start, which a root that is read-only must not end."""
+        """Put them where a root that is read-only must not end the start or the roll-back."""
         try:
             self._put_units(name)
         except OSError as error:
@@ -483,7 +484,9 @@ def main() -> int:
         print(error, file=sys.stderr)
         return MISTAKE
     except OSError as error:
-        print(f"{error.filename or ''}: {error.strerror}; nothing is changed", file=sys.stderr)
+        advice = ": mount -o remount,rw /" if error.errno == errno.EROFS else ""
+        what = f"{error.filename or ''}: {error.strerror}"
+        print(f"{what}; nothing is changed{advice}", file=sys.stderr)
         return 1
     return 0
 

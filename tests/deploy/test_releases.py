@@ -1,5 +1,6 @@
 """Releases side by side: what is installed, what is refused, and which one is taken at a start."""
 
+import errno
 import fcntl
 import hashlib
 import os
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.releases import COMPLETE, MISTAKE, UNITS, Bundle, RefusedError, Releases
+from deploy.releases import COMPLETE, MISTAKE, UNITS, Bundle, RefusedError, Releases, main
 from onboard.security.key_files import write_authority
 from onboard.tools.test_ca.authority import make_root
 from onboard.wave_udp import psid
@@ -28,7 +29,8 @@ def releases(tmp_path: Path) -> Releases:
         folder.mkdir(parents=True)
         (folder / COMPLETE).touch()
         (folder / UNITS).mkdir()
-        (folder / UNITS / "onboard.service").write_text(f"of {name}\n")
+        for file in ("onboard.service", "onboard-proven.service"):
+            (folder / UNITS / file).write_text(f"of {name}\n")
     found = Releases(tmp_path)
     found.switch(OLD)
     found.proven()
@@ -84,10 +86,30 @@ def test_units_that_cannot_be_written_keep_the_release_in_use(
     with pytest.raises(OSError, match=r"onboard\.service"):
         releases.switch(NEW)
     assert releases.named("current") == OLD
+    assert (there.parent / "onboard-proven.service").read_text() == f"of {OLD}\n", "taken back"
     (there.parent / "onboard.service.new").rmdir()
     releases.switch(NEW)
     (there.parent / "onboard.service.new").mkdir()
     releases.ended("timeout", None)
+    assert releases.named("current") == OLD
+
+
+def test_on_a_root_that_is_read_only_an_update_with_other_units_says_what_to_do(
+    releases: Releases,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    unit = str(tmp_path / "etc/systemd/system/onboard.service.new")
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), unit)
+
+    monkeypatch.setattr("deploy.releases._copy", refuse)
+    monkeypatch.setattr(sys, "argv", ["onboard-releases", "--root", str(tmp_path), "switch", NEW])
+    assert main() == 1
+    said = capsys.readouterr().err
+    assert said == f"{unit}: Read-only file system; nothing is changed: mount -o remount,rw /\n"
     assert releases.named("current") == OLD
 
 
