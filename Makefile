@@ -53,7 +53,8 @@ attack: .venv/ready ## insiders with valid keys
 	$(PYTHON) -m sim_rig study attacks
 
 # A small Debian in QEMU, installed from the box, driven and ill-treated; no KVM needed. And the
-# same in namespaces of this machine (as root), at its speed and without what needs a kernel.
+# same in namespaces of this machine (as root), at its speed and without what needs a kernel. What
+# these targets, box-ladder and hil-test measure is written to docs/tables/box-tests.csv.
 .PHONY: vm-test box-test box-ladder box
 vm-test: .venv/ready ## the box in QEMU, as root
 	$(PYTHON) -m deploy.vm
@@ -75,6 +76,7 @@ power-cuts: .venv/ready box ## 50 installations that are cut: does every box com
 hil-test: .venv/ready ## rig and box without hardware
 	PYTHON=$(PYTHON) examples/box/namespaces.sh
 	$(PYTHON) -m pytest -m live tests/sim_rig/runs/test_play.py
+	$(PYTHON) -m deploy.box_tests hil-test out/box/ladder.csv
 
 # The drives that tests replay, recorded anew after a change of the cores that is meant.
 drives: .venv/ready ## records the drives of the tests anew

@@ -1,6 +1,8 @@
 """Build the machine, install the box on it, inject the faults, and print the results.
 
-python -m deploy.vm [--namespaces] [--reuse] [--record]
+python -m deploy.vm [--namespaces] [--reuse]
+
+If all limits were kept, the results are written to the table of `deploy.box_tests`.
 """
 
 import argparse
@@ -18,11 +20,12 @@ import cv2
 import numpy as np
 import yaml
 
+from deploy.box_tests import record
 from deploy.vm.drive import BOX, FOLDER, TRACE, NotSeenError, StatusRow, VmDrive, slowness
 from deploy.vm.machine import HANG_TIMEOUT_S, Machine, MachineError, new_disk
 from deploy.vm.namespaces import Namespaces, new_folder
-from deploy.vm.report import record, table
-from deploy.vm.share import BUILD, ROOT, SHARE, make_box, make_image
+from deploy.vm.report import figures, table
+from deploy.vm.share import BUILD, SHARE, box_build, make_box, make_image
 from onboard.security.key_files import write_credentials
 from onboard.tools.doctor.finding import FindingLevel, best_levels
 from onboard.tools.test_ca.authority import KnownPlate, make_trial
@@ -35,7 +38,6 @@ from sim_rig.scenario.car_config import plate_digest
 INSTALLED = BUILD / "installed.qcow2", BUILD / "installed.raw"
 """The disk and the small disk after install.sh; each run works on copies."""
 DRIVEN = BUILD / "driven.qcow2", BUILD / "driven.raw"
-TABLE = ROOT / "docs" / "tables" / "vm-test.csv"
 
 SMALL_DISK_BYTES = 48 << 20
 IMAGES = 40
@@ -120,16 +122,13 @@ def main() -> int:
     parser.add_argument(
         "--reuse", action="store_true", help="use the installed disk of the last run"
     )
-    parser.add_argument(
-        "--record", action="store_true", help=f"write the table of QEMU to {TABLE.name}"
-    )
     arguments = parser.parse_args()
     test = VmTest()
     is_kept = test.run_in_namespaces() if arguments.namespaces else test.run(reuse=arguments.reuse)
     text = test.table()
     print(text)
-    if arguments.record and is_kept and not arguments.namespaces:
-        test.record(TABLE)
+    if is_kept:
+        test.record("box-test" if arguments.namespaces else "vm-test")
     return 0 if is_kept else 1
 
 
@@ -186,7 +185,9 @@ class VmTest:
             self._do(drive.stop)
             machine.cut_power()
             machine = Namespaces(BUILD, folder, SHARE, is_root_read_only=True)
-            self._do(VmDrive(machine).use_read_only_root)
+            drive = VmDrive(machine)
+            self._do(drive.use_read_only_root)
+            self._do(drive.fall_back)
             machine.cut_power()
             machine = Namespaces(BUILD, folder, SHARE)
             self._uninstall(machine)
@@ -199,9 +200,9 @@ class VmTest:
     def _is_kept(self) -> bool:
         return not self._failures and all(row.is_kept for row in self._rows)
 
-    def record(self, file: Path) -> None:
-        """Write the results as CSV."""
-        record(file, self._rows)
+    def record(self, target: str) -> None:
+        """Write the results to the table of the docs."""
+        record(target, box_build(), figures(self._rows))
 
     def table(self) -> str:
         """The results as Markdown."""

@@ -18,12 +18,14 @@ from typing import Any
 
 import yaml
 
+from deploy.box_tests import read_figures, record
 from deploy.vm.namespaces import Namespaces, new_folder
-from deploy.vm.share import BUILD, SHARE, make_box, make_image
+from deploy.vm.share import BUILD, SHARE, box_build, make_box, make_image
 from onboard.settings import parse_settings
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.boxes.trial_keys import run_credentials
 from sim_rig.cars.camera_view import calibration
+from sim_rig.runs.ladder import FIGURES
 from sim_rig.scenario.car_config import car_config, gnss_config
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -75,9 +77,12 @@ def main() -> int:
         machine.run(SET_UP, timeout_s=600.0)
         climb = [sys.executable, "-m", "sim_rig", "ladder", given.scenario]
         with connected(machine) as in_network:
-            return subprocess.run(
+            code = subprocess.run(
                 [*in_network, *climb, "--box", f"{car}={box}", "--out", OUT], check=False
             ).returncode
+        if code == 0:
+            record("box-ladder", box_build(), read_figures(OUT / FIGURES))
+        return code
     finally:
         journal = machine.run("journalctl -u onboard -o cat", check=False).output
         (OUT / "journal.txt").write_text(journal, encoding="utf-8")

@@ -1,9 +1,8 @@
-"""The table of a run, for the terminal and for the docs."""
+"""The results of a run, for the terminal and for the docs."""
 
-import csv
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 
+from deploy.box_tests import BoxFigure
 from deploy.vm.drive import StatusRow
 
 
@@ -35,14 +34,15 @@ def table(
     return "\n".join(lines)
 
 
-def record(file: Path, rows: Sequence[StatusRow]) -> None:
-    """Write the results as CSV."""
-    with file.open("w", newline="", encoding="utf-8") as opened:
-        writer = csv.writer(opened, lineterminator="\n")
-        writer.writerow(("fault", "detected_s", "recovered_s", "limit_s", "remark"))
-        for row in rows:
-            times = (row.detected_s, row.recovered_s, row.limit_s)
-            writer.writerow((row.fault, *map(_seconds, times), row.remark))
+def figures(rows: Sequence[StatusRow]) -> Iterator[BoxFigure]:
+    """Yield the results for the table of the docs; a row without times has its remark."""
+    for row in rows:
+        if row.detected_s is not None:
+            yield BoxFigure(f"{row.fault}: detected", _seconds(row.detected_s), "s", "")
+        if row.recovered_s is not None:
+            yield BoxFigure(row.fault, _seconds(row.recovered_s), "s", _seconds(row.limit_s))
+        elif row.detected_s is None:
+            yield BoxFigure(row.fault, row.remark, "", "")
 
 
 def _line(row: StatusRow) -> str:

@@ -54,7 +54,9 @@ def build_of_checkout(folder: Path) -> Build:
         return Build(VERSION)
     try:
         commit, seconds = _git(folder, "show", "--no-patch", "--format=%H %ct", "HEAD").split()
-        changes = _git(folder, "status", "--porcelain", "--untracked-files=no")
+        # Tables are what a build has measured, and no part of it.
+        sources = (".", ":(exclude)docs/tables")
+        changes = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", *sources)
     except (OSError, subprocess.SubprocessError):
         return Build(VERSION)
     date = f"{datetime.fromtimestamp(int(seconds), UTC):%Y%m%d}"

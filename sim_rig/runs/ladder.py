@@ -1,7 +1,8 @@
 """One scenario on each rung: virtual time, processes in real time, and with boxes."""
 
+import csv
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -20,12 +21,16 @@ from sim_rig.runs.command import only_virtual, run_and_report, run_in_virtual_ti
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.schema import Scenario, load_scenario
 
+FIGURES = "ladder.csv"
+"""File of what the rungs have measured."""
 WITHIN_S = 0.5
 """Times of one decision on two rungs may differ by this: images and polls have other phases."""
 
 
 def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     """Run a scenario on each rung, and print where decisions and latencies first differ.
+
+    What was measured is written to `FIGURES` in `out`.
 
     Args:
         scenario: its name or file.
@@ -59,9 +64,16 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
         outcomes.append(outcome)
     console.rule("ladder")
     console.print(_latencies(logs))
-    for lower, higher in pairwise(logs):
-        found = compare(logs[lower], logs[higher], WITHIN_S)
-        console.print(f"{lower} and {higher}: {sentence(found)}", soft_wrap=True)
+    compared = {
+        f"{lower} and {higher}": compare(logs[lower], logs[higher], WITHIN_S)
+        for lower, higher in pairwise(logs)
+    }
+    for rungs_of_pair, found in compared.items():
+        console.print(f"{rungs_of_pair}: {sentence(found)}", soft_wrap=True)
+    with (out / FIGURES).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("figure", "value", "unit", "limit"))
+        writer.writerows(_figures(dict(zip(logs, outcomes, strict=True)), logs, compared))
     return max(outcomes)
 
 
@@ -94,6 +106,24 @@ def _with_boxes(
     scenario: Scenario, hardware: Mapping[str, BoxSettings], folder: Path
 ) -> LiveTestbench:
     return LiveTestbench(scenario, scenario.seed, folder, hardware, virtual_others=True)
+
+
+def _figures(
+    outcomes: Mapping[str, Outcome],
+    logs: Mapping[str, RunLog],
+    compared: Mapping[str, RunComparison],
+) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what the rungs have measured, each with its value, unit and limit."""
+    for rung, log in logs.items():
+        yield f"{rung}: outcome", outcomes[rung].name, "", Outcome.PASSED.name
+        for line in ledger(log):
+            yield f"{rung}: {line.hop}, p50", f"{line.p50_s * 1e3:.1f}", "ms", ""
+        for late in log.lateness:
+            limit_ms = f"{late.limit_s * 1e3:.0f}"
+            yield f"{rung}: rig late, {late.what}, p99", f"{late.p99_s * 1e3:.1f}", "ms", limit_ms
+    for rungs, found in compared.items():
+        yield f"{rungs}: same decisions", str(found.decisions), "", ""
+        yield f"{rungs}: other decisions", str(len(found.differences)), "", "0"
 
 
 def _latencies(logs: dict[str, RunLog]) -> Table:

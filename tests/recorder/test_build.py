@@ -52,6 +52,14 @@ def test_a_checkout_that_differs_from_its_commit_says_so(checkout: Path) -> None
     assert build_of_checkout(checkout).is_modified
 
 
+def test_a_table_that_a_build_has_written_does_not_modify_it(checkout: Path) -> None:
+    table = checkout / "docs" / "tables" / "box-tests.csv"
+    table.parent.mkdir(parents=True)
+    table.touch()
+    git(checkout, "add", "docs")
+    assert not build_of_checkout(checkout).is_modified
+
+
 def test_a_folder_that_is_no_checkout_has_a_version_only(tmp_path: Path) -> None:
     assert build_of_checkout(tmp_path) == Build(VERSION)
     (tmp_path / ".git").mkdir()
