@@ -187,7 +187,7 @@ class VmTest:
             machine = Namespaces(BUILD, folder, SHARE, is_root_read_only=True)
             drive = VmDrive(machine)
             self._do(drive.use_read_only_root)
-            self._do(drive.fall_back)
+            self._do(partial(drive.fall_back, "read-only root: "))
             machine.cut_power()
             machine = Namespaces(BUILD, folder, SHARE)
             self._uninstall(machine)

@@ -214,7 +214,7 @@ class VmDrive:
         yield StatusRow("reload: invalid refused, valid accepted", None, ready_s - good_s, 20.0)
         self._time_of(good_s, "transition", state="member")
 
-    def fall_back(self) -> Iterator[StatusRow]:
+    def fall_back(self, where: str = "") -> Iterator[StatusRow]:
         """An update to a release that ends at its start, while the one in use is good."""
         self._run(DEAD_RELEASE)
         began_s = self._run("systemctl restart --no-block onboard").began_s
@@ -222,7 +222,7 @@ class VmDrive:
         releases = self._run("onboard-releases list").output
         if "dead  failed" not in releases or "current, good" not in releases:
             raise NotSeenError(f"the good release is not in use: {releases}")
-        what = "update to a release that ends at its start"
+        what = f"{where}update to a release that ends at its start"
         yield StatusRow(what, None, ready_s - began_s, FALL_BACK_S, "the good one is ready")
 
     def after_power_cut(self, drive: str) -> Iterator[StatusRow]:
