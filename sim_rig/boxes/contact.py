@@ -96,12 +96,13 @@ class Contact:
         has_speed = self.core is None or self.core.speed_m_s is not None
         missing = "its BSMs have no speed" if not has_speed else ""
         bus = box.bus
-        server = f"{bus.host}:{bus.port}, " if bus.interface == "socketcand" else ""
+        places = {"socketcand": f"{bus.host}:{bus.port}, ", "slcan": "of slcand, "}
+        kind = "socketcand" if bus.interface == "socketcand" else "socketcan"
         return _finding(
             "bus",
             missing if self.answers else "it has requested no speed",
             f"{self.answers} speeds sent",
-            f"`can` of the box is {bus.interface} ({server}{bus.channel})",
+            f"`can` of the box is {kind} ({places.get(bus.interface, '')}{bus.channel})",
         )
 
     def _frames(self, before: str = "") -> str:

@@ -7,12 +7,11 @@ from collections.abc import Callable, Collection
 from contextlib import AsyncExitStack, closing
 
 from onboard.errors import UserError
-from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
-from onboard.obd.settings import CanSettings
 from onboard.wave_udp.drained_socket import DrainedSocket, udp_socket
 from sim_rig.boxes.played_drive import PlayedInput, Wire
 from sim_rig.boxes.settings import BoxSettings
+from sim_rig.cars.can_interface import open_interface
 from sim_rig.cars.device_line import SerialLine, UdpLine
 from sim_rig.cars.pushed_pictures import PushedPictures
 from sim_rig.cars.socketcand_server import SocketcandServer
@@ -71,9 +70,9 @@ class PlayedWires:
         return sorted(wire for wire in self._is_used.keys() & wires if not self._is_used[wire]())
 
     async def _open_bus(self, wire: BusWire, edges: AsyncExitStack) -> None:
-        if wire.interface == "socketcan":
-            settings = CanSettings(interface="socketcan", channel=wire.channel)
-            bus = CanBus(settings, lambda _frame: self._note("bus"), lambda _up, _why: None)
+        if wire.interface != "socketcand":
+            interface = wire.serial or wire.channel
+            bus = open_interface(interface, lambda _frame: self._note("bus"))
             bus.start(asyncio.get_running_loop())
             edges.callback(bus.close)
             self._send["bus"] = lambda played: bus.send(played.frame)

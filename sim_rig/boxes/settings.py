@@ -146,9 +146,10 @@ def _mistakes(boxes: Mapping[str, BoxSettings], scenario: Scenario) -> Iterator[
             yield f"{car}: controller: is required, since {car} obeys_request"
         if any(fault.car == car for fault in scenario.power_cuts()) and box.power is None:
             yield f"{car}: power: is required, since the scenario has a power_cut of {car}"
-        serial = None if box.satellites is None else box.satellites.serial
-        if serial is not None and not serial.exists():
-            yield f"{car}: satellites.serial: there is no {serial}"
+        for field in ("bus", "satellites"):
+            serial = getattr(getattr(box, field), "serial", None)
+            if serial is not None and not serial.exists():
+                yield f"{car}: {field}.serial: there is no {serial}"
         for fault in scenario.faults:
             if fault.car == car and isinstance(fault, SlowCpu | WrongClock):
                 yield f"{car}: the fault {fault.what} needs a process, and {car} is a box"
@@ -169,9 +170,12 @@ def _repeated(boxes: Mapping[str, BoxSettings]) -> Iterator[str]:
             yield f"{other_car}: {other.field}: {place} is {one.field} of {car} already"
     cars: dict[str, str] = {}
     for car, box in boxes.items():
-        channel = box.bus.channel
-        if box.bus.interface == "socketcan" and cars.setdefault(channel, car) != car:
-            yield f"{car}: bus.channel: {channel} is of {cars[channel]} already"
+        if box.bus.interface == "socketcand":
+            continue
+        field = "channel" if box.bus.serial is None else "serial"
+        bus = str(getattr(box.bus, field))
+        if cars.setdefault(bus, car) != car:
+            yield f"{car}: bus.{field}: {bus} is of {cars[bus]} already"
 
 
 def _taken(boxes: Mapping[str, BoxSettings]) -> Iterator[str]:

@@ -1,14 +1,16 @@
-"""An ECU on a CAN interface of this computer's kernel: an adapter, or vcan."""
+"""An ECU on a CAN interface of this computer's kernel, an adapter or vcan, or on a serial line."""
 
 import asyncio
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 from onboard.obd.can_bus import CanBus
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import CanSettings
 from sim_rig.cars.ecu import Ecu
 from sim_rig.cars.faulty_ecu import FaultyEcu
+from sim_rig.cars.slcan_line import SlcanLine
 
 
 class CanInterface:
@@ -17,7 +19,7 @@ class CanInterface:
     def __init__(
         self,
         ecu: Ecu | FaultyEcu,
-        interface: str,
+        interface: str | Path,
         on_answer: Callable[[CanFrame], None] = lambda _frame: None,
         on_late: Callable[[float], None] = lambda _late_s: None,
     ) -> None:
@@ -25,20 +27,19 @@ class CanInterface:
 
         Args:
             ecu: the control unit on the bus.
-            interface: such as can0 or vcan0.
+            interface: such as can0 or vcan0; a path is that of a serial line with slcan.
             on_answer: called with each frame that the ECU sends.
             on_late: called with the lateness of each turn of the ECU, s.
 
         Raises:
-            CanBusError: the interface cannot be opened.
+            UserError: the interface cannot be opened.
         """
         self._loop = asyncio.get_running_loop()
         self._ecu = ecu
         self._on_answer = on_answer
         self._on_late = on_late
         self._timer: asyncio.TimerHandle | None = None
-        can = CanSettings(interface="socketcan", channel=interface)
-        self._bus = CanBus(can, self._receive, lambda _up, _why: None)
+        self._bus = open_interface(interface, self._receive)
         self._bus.start(self._loop)
         self._arm()
 
@@ -66,3 +67,13 @@ class CanInterface:
             self._bus.send(frame)
             self._on_answer(frame)
         self._arm()
+
+
+def open_interface(
+    interface: str | Path, on_frame: Callable[[CanFrame], None]
+) -> CanBus | SlcanLine:
+    """Return the bus of an interface, which is still to be started; see `CanInterface`."""
+    if isinstance(interface, Path):
+        return SlcanLine(interface, on_frame)
+    settings = CanSettings(interface="socketcan", channel=interface)
+    return CanBus(settings, on_frame, lambda _up, _why: None)

@@ -110,8 +110,9 @@ class RigEnds:
         def note_late(late_s: float) -> None:
             self._lateness.note("ECU answer", late_s)
 
-        if wire.interface == "socketcan":
-            edges.enter_context(closing(CanInterface(ecu, wire.channel, record, note_late)))
+        if wire.interface != "socketcand":
+            end = CanInterface(ecu, wire.serial or wire.channel, record, note_late)
+            edges.enter_context(closing(end))
             return
         server = SocketcandServer(ecu, wire.channel, record, note_late)
         await server.start(wire.port, str(wire.host))

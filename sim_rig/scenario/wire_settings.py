@@ -15,15 +15,23 @@ LOOPBACK = IPv4Address("127.0.0.1")
 class BusWire(Settings):
     """CAN bus on which the rig's ECU answers."""
 
-    interface: Literal["socketcand", "socketcan"] = "socketcand"
+    interface: Literal["socketcand", "socketcan", "slcan"] = "socketcand"
     """`socketcand`: the rig serves the bus over TCP. `socketcan`: an interface of the rig's kernel
-    that exists and is up (can0, vcan0)."""
+    that exists and is up (can0, vcan0). `slcan`: a serial line to the box, which runs slcand."""
     channel: str = Field("can0", max_length=32, pattern=r"^[\w.:-]+$")
     """Name of the bus or interface."""
     host: IPv4Address = LOOPBACK
     """Address at which the rig serves the bus."""
     port: Port = 29536
     """TCP port at which the rig serves the bus."""
+    serial: Path | None = None
+    """Serial line or pty of `slcan`, set to its speed already."""
+
+    @model_validator(mode="after")
+    def _has_a_line_for_slcan(self) -> Self:
+        if (self.interface == "slcan") != (self.serial is not None):
+            raise ValueError("serial is required with slcan, and with nothing else")
+        return self
 
 
 class CameraWire(Settings):

@@ -115,6 +115,17 @@ def test_one_kernel_interface_is_the_bus_of_one_box(fig4: Scenario, tmp_path: Pa
     assert "blue: bus.channel: vcan0 is of red already" in mistakes(fig4, red, blue)
 
 
+def test_a_serial_line_is_the_bus_of_one_box_and_is_there(fig4: Scenario, tmp_path: Path) -> None:
+    slcan = {"interface": "slcan", "serial": str(tmp_path / "ttyS9")}
+    red = written(tmp_path, "red", box(tmp_path, "RD288HX", bus=slcan))
+    blue = written(tmp_path, "blue", box(tmp_path, "BL635TN", BUS + 10, bus=slcan))
+    found = mistakes(fig4, red, blue)
+    assert f"red: bus.serial: there is no {tmp_path}/ttyS9" in found
+    assert f"blue: bus.serial: {tmp_path}/ttyS9 is of red already" in found
+    red = written(tmp_path, "red", box(tmp_path, "RD288HX", bus={"interface": "slcan"}))
+    assert "serial is required with slcan, and with nothing else" in mistakes(fig4, red)
+
+
 def test_wires_that_the_scenario_needs_are_named(tmp_path: Path) -> None:
     given = written(tmp_path, "ann", box(tmp_path, "RA111AA"))
     assert "satellites: is required" in mistakes(load_scenario("red-light"), given)
