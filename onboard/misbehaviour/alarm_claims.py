@@ -57,6 +57,8 @@ class AlarmClaims:
                 an alarm.
         """
         self.credibility = SignerCredibility(is_road_side_unit)
+        self.unconfirmed = SignerCredibility(is_road_side_unit)
+        """Of the alarms that nothing confirms, true or not."""
         self._signer_of = signer_of
         self._has_sight = has_sight
         self._host = host
@@ -145,17 +147,20 @@ class AlarmClaims:
         if assessment.is_test:
             shown = [self._admit_test(reason.name, now) for reason in assessment.reasons]
             return all(shown)
-        slows_traffic = row_of(cause).slows_traffic or not self._has_sight
+        row = row_of(cause)
+        slows_traffic = row.slows_traffic or not self._has_sight
+        account = self.credibility if row.is_confirmed else self.unconfirmed
         for what, name in dict.fromkeys((each.what, each.name) for each in assessment.reasons):
             signers = self._claimants(name, is_bsm=what == BasicSafetyMessage.kind)
-            if signers and not self.credibility.admit(
+            if signers and not account.admit(
                 cause,
                 name,
                 signers,
                 now,
                 slows_traffic=slows_traffic,
                 is_warning=assessment.level is Level.WARNING,
-                identified=self._identified,
+                # What nobody confirms spends no alarms of others: all would soon be spent.
+                identified=self._identified if row.is_confirmed else signers,
             ):
                 return False
         return True

@@ -10,10 +10,12 @@ from enum import StrEnum
 from onboard.risk.alarm import Cause, Level
 from onboard.risk.application import Application
 from onboard.risk.braking_ahead import BrakingAhead
+from onboard.risk.bsw import BlindSpotWarning
 from onboard.risk.eebl import EmergencyElectronicBrakeLights
 from onboard.risk.fcw import ForwardCollisionWarning
 from onboard.risk.ima import IntersectionMovementAssist, LeftTurnAssist
 from onboard.risk.lcca_warning import LccaWarning
+from onboard.risk.lcw import LaneChangeWarning
 from onboard.risk.raised_alarms import OneAlarm, VehicleAlarms
 
 
@@ -24,6 +26,7 @@ class Headline(StrEnum):
     STOP = "stop"
     KEEP_DISTANCE = "keep_distance"
     WATCH_OUT = "watch_out"
+    STAY_IN_LANE = "stay_in_lane"
 
 
 class Sign(StrEnum):
@@ -65,6 +68,8 @@ class AlarmRow:
     """Whether a true one slows the traffic ahead of the host vehicle down, which confirms it."""
     may_brake: bool = True
     """Whether it may request braking."""
+    is_confirmed: bool = True
+    """Whether traffic or sensors confirm a true one; else it is not charged with the others."""
     has_known_end: bool = False
     """Whether somebody says when the danger is over; else old observations are none."""
 
@@ -130,6 +135,26 @@ ALARMS: tuple[AlarmRow, ...] = (
         Headline.STOP,
         measure=Measure.PROBABILITY,
         of_each_vehicle=True,
+    ),
+    AlarmRow(
+        BlindSpotWarning,
+        "Car in the blind spot",
+        Headline.STAY_IN_LANE,
+        from_the_side=("Car in the left blind spot", "Car in the right blind spot"),
+        measure=Measure.PROBABILITY,
+        of_each_vehicle=True,
+        may_brake=False,
+        is_confirmed=False,
+    ),
+    AlarmRow(
+        LaneChangeWarning,
+        "Car coming up from behind",
+        Headline.STAY_IN_LANE,
+        from_the_side=("Car coming up on the left", "Car coming up on the right"),
+        measure=Measure.PROBABILITY,
+        of_each_vehicle=True,
+        may_brake=False,
+        is_confirmed=False,
     ),
 )
 """In the order in which they are assessed."""

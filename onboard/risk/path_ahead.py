@@ -11,7 +11,7 @@ Two estimates of how far a vehicle is to the side of the path, weighed by their 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from onboard.bsm_transmission.path_prediction import PathPredictor
@@ -102,26 +102,13 @@ class PathAhead:
         range_m: float,
     ) -> PlaceOnPath | None:
         """Return the same for all lanes of this direction, up to `range_m`."""
-        x, y, east, north = own.state
-        speed_m_s = math.hypot(east, north)
-        if not speed_m_s > _AT_REST_M_S:
+        here = _relative(own, other)
+        if here is None or not here[0] > _NEAREST_M:
             return None
-        cos, sin = east / speed_m_s, north / speed_m_s
-        to_east, to_north = other.state[0] - x, other.state[1] - y
-        here = to_east * cos + to_north * sin, to_north * cos - to_east * sin
-        distance_m = math.hypot(*here)
-        if not here[0] > _NEAREST_M or distance_m > range_m:
+        predicted = self._predicted(own, other, here, range_m)
+        if predicted is None:
             return None
-        curvature = self._curvature(own, other, distance_m)
-        ahead_m, left_m = _on_circle(here, curvature.mean_1_m)
-        turned_rad = curvature.mean_1_m * ahead_m
-        course_rad = math.atan2(north, east) + turned_rad
-        if _has_course(other):
-            difference = math.atan2(other.state[3], other.state[2]) - course_rad
-            if math.cos(difference) < math.cos(MAX_HEADING_DIFFERENCE_RAD):
-                return None
-        variance = (distance_m**2 / 2.0) ** 2 * curvature.variance
-        variance += (distance_m * _VELOCITY_SIGMA_M_S / speed_m_s) ** 2
+        left_m, variance = predicted.left_m, predicted.left_sigma_m**2
         is_open = abs(left_m) <= OWN_LANE_M + _FAR_SIGMAS * math.sqrt(variance)
         passed_m = None
         if is_open and variance > _CERTAIN_M**2:
@@ -130,12 +117,49 @@ class PathAhead:
             weight = variance / (variance + HISTORY_SIGMA_M**2)
             left_m += weight * (passed_m - left_m)
             variance *= 1.0 - weight
+        return replace(predicted, left_m=left_m, left_sigma_m=math.sqrt(variance))
+
+    def predicted_place(self, own: PerceivedObject, other: PerceivedObject) -> PlaceOnPath | None:
+        """Return the place of a vehicle in any lane, ahead or behind, by path prediction alone.
+
+        `None` for vehicles farther away than `RANGE_M`, or that drive elsewhere than the path
+        leads.
+
+        Args:
+            own: the host vehicle; at rest it has no path.
+            other: a perceived object.
+        """
+        here = _relative(own, other)
+        if here is None or math.hypot(*here) <= _NEAREST_M:
+            return None
+        return self._predicted(own, other, here, RANGE_M)
+
+    def _predicted(
+        self, own: PerceivedObject, other: PerceivedObject, here: _Point, range_m: float
+    ) -> PlaceOnPath | None:
+        distance_m = math.hypot(*here)
+        if distance_m > range_m:
+            return None
+        speed_m_s = math.hypot(*own.state[2:])
+        curvature = self._curvature(own, other, math.copysign(distance_m, here[0]))
+        ahead_m, left_m = _on_circle(here, curvature.mean_1_m)
+        turned_rad = curvature.mean_1_m * ahead_m
+        course_rad = math.atan2(own.state[3], own.state[2]) + turned_rad
+        if _has_course(other):
+            difference = math.atan2(other.state[3], other.state[2]) - course_rad
+            if math.cos(difference) < math.cos(MAX_HEADING_DIFFERENCE_RAD):
+                return None
+        variance = (distance_m**2 / 2.0) ** 2 * curvature.variance
+        variance += (distance_m * _VELOCITY_SIGMA_M_S / speed_m_s) ** 2
         return PlaceOnPath(ahead_m, left_m, math.sqrt(variance), course_rad)
 
     def _curvature(
         self, own: PerceivedObject, other: PerceivedObject, distance_m: float
     ) -> "_Curvature":
-        """Curvature of the path as far as a vehicle, positive to the left."""
+        """Curvature of the path as far as a vehicle, positive to the left.
+
+        The distance is negative to vehicles behind.
+        """
         speed_m_s = math.hypot(*own.state[2:])
         own_sigma_rad = _VELOCITY_SIGMA_M_S / speed_m_s
         by_yaw_rate = _Curvature(
@@ -165,6 +189,17 @@ class _Curvature:
             self.mean_1_m + weight * difference,
             (1.0 - weight) * self.variance + weight * (1.0 - weight) * difference**2,
         )
+
+
+def _relative(own: PerceivedObject, other: PerceivedObject) -> _Point | None:
+    """The other from the host vehicle, along its course; `None` while that has none."""
+    east, north = own.state[2:]
+    speed_m_s = math.hypot(east, north)
+    if not speed_m_s > _AT_REST_M_S:
+        return None
+    cos, sin = east / speed_m_s, north / speed_m_s
+    to_east, to_north = other.state[0] - own.state[0], other.state[1] - own.state[1]
+    return to_east * cos + to_north * sin, to_north * cos - to_east * sin
 
 
 def _on_circle(point: _Point, curvature_1_m: float) -> _Point:

@@ -1,13 +1,15 @@
-"""A control unit that broadcasts speed, turning and brake pedal by a DBC file, without I/O."""
+"""A control unit that broadcasts what a DBC file names of a car, without I/O."""
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from onboard.obd.broadcast import ANGLE_UNITS, SPEED_UNITS, BroadcastSignals
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_database import parse_dbc
 from onboard.obd.settings import BroadcastSettings
+from onboard.observations import Side
 
 DEFAULT_CYCLE_S = 0.02
 """Interval of a message for which the DBC file states none (`GenMsgCycleTime`)."""
@@ -26,6 +28,7 @@ class BroadcastUnit:
         dbc_text: str,
         speed_m_s: Callable[[float], float],
         yaw_rate_rad_s: Callable[[float], float] = lambda _now: 0.0,
+        signals_to: Callable[[Side, float], bool] = lambda _side, _now: False,
     ) -> None:
         """Connect the unit to a car.
 
@@ -34,6 +37,7 @@ class BroadcastUnit:
             dbc_text: content of the DBC file.
             speed_m_s: speed of the car at a `now`, m/s.
             yaw_rate_rad_s: of the car, positive to the left (ISO 8855), whatever the settings say.
+            signals_to: whether the car's turn signal of a side is on at a `now`.
 
         Raises:
             UserError: as `BroadcastSignals`.
@@ -54,6 +58,13 @@ class BroadcastUnit:
         ):
             if name is not None:
                 self._values[_split(name)] = self._angle(angle)
+        levers: tuple[tuple[Side, str | None], ...] = (
+            ("left", settings.turn_signal_left),
+            ("right", settings.turn_signal_right),
+        )
+        for side, name in levers:
+            if name is not None:
+                self._values[_split(name)] = _lever(partial(signals_to, side))
         named = {message for message, _ in self._values}
         database = parse_dbc(dbc_text, str(settings.dbc))
         self._messages = [message for message in database.messages if message.name in named]
@@ -103,6 +114,10 @@ class BroadcastUnit:
     def _pedal(self, _signal: Any, now: float) -> float:
         slope_m_s2 = (self._speed_m_s(now) - self._speed_m_s(now - _SLOPE_S)) / _SLOPE_S
         return float(slope_m_s2 <= -PEDAL_M_S2)
+
+
+def _lever(is_on: Callable[[float], bool]) -> Callable[[Any, float], float]:
+    return lambda _signal, now: float(is_on(now))
 
 
 def _within(signal: Any, value: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.dbc_file import read_dbc
+from onboard.observations import Side
 from sim_rig.cars.broadcast_unit import BroadcastUnit
 from sim_rig.cars.ecu import ENGINE_11_BIT, Ecu
 from sim_rig.scenario.faults import EcuBabbles, SpeedScaled
@@ -61,7 +62,11 @@ class FaultyEcu:
             None
             if signals is None
             else BroadcastUnit(
-                signals, read_dbc(signals.dbc), self._scaled_speed_m_s, yaw_rate_rad_s
+                signals,
+                read_dbc(signals.dbc),
+                self._scaled_speed_m_s,
+                yaw_rate_rad_s,
+                self._signals_to,
             )
         )
         self._refresh_s = scenario.ecu.refresh_s
@@ -121,6 +126,11 @@ class FaultyEcu:
             if isinstance(fault, SpeedScaled) and fault.holds(self._car, at_s):
                 speed_m_s *= fault.factor
         return speed_m_s
+
+    def _signals_to(self, side: Side, now: float) -> bool:
+        at_s = self._at_s(now)
+        signals = self._scenario.cars[self._car].turn_signals
+        return any(each.side == side and each.from_s <= at_s < each.until_s for each in signals)
 
     def _has(self, what: str, now: float) -> bool:
         return self._scenario.has_fault(what, self._car, self._at_s(now))

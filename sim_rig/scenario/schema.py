@@ -23,6 +23,7 @@ from onboard.access.settings import AccessSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import SharedIn
 from onboard.obd.settings import BroadcastSettings
+from onboard.observations import Side
 from onboard.settings import Settings, SettingsError, load_settings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
@@ -124,6 +125,14 @@ class RoadSettings(Settings):
 EASTWARDS = {"road": RoadSettings()}
 
 
+class TurnSignalOn(Settings):
+    """A time in which a turn signal of a car is on."""
+
+    side: Side
+    from_s: Seconds
+    until_s: Seconds
+
+
 class ScenarioCar(Settings):
     """One car."""
 
@@ -151,10 +160,12 @@ class ScenarioCar(Settings):
     """What carries its measurements to the others."""
     access: AccessSettings = AccessSettings()
     """Driver-based channel access."""
+    turn_signals: tuple[TurnSignalOn, ...] = ()
+    """When its driver signals; its daemon reads that from `broadcast`."""
     broadcast: BroadcastSettings | None = None
-    """Signals that its bus carries and its daemon reads, as `obd.broadcast` of `onboard`: the
-    speeds and the brake pedal are those of the car, other signals 0. A `dbc` that is not found from
-    the folder in which the rig is started is one of `sim_rig/scenarios`."""
+    """Signals that its bus carries and its daemon reads, as `obd.broadcast` of `onboard`: speeds,
+    turning, pedal and turn signals are those of the car, other signals 0. A `dbc` that is not found
+    from the folder in which the rig is started is one of `sim_rig/scenarios`."""
 
     @field_validator("broadcast")
     @classmethod

@@ -84,7 +84,7 @@ export const TEXTS = {
     turned: "turned: calibrate it", dirty: "view dirty, or fog", blurred: "image blurred", over_exposed: "too much light",
   },
 
-  headlines: { brake: "Brake!", stop: "Stop!", keep_distance: "Keep distance", watch_out: "Watch out" },
+  headlines: { brake: "Brake!", stop: "Stop!", keep_distance: "Keep distance", watch_out: "Watch out", stay_in_lane: "Stay in lane" },
   // Sentences of alarms come in English from onboard/risk/alarm_table.py: { "Car crossing": "..." }.
   sentences: {},
   brakesAhead: "Hard braking, {count} cars ahead",

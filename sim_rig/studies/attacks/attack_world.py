@@ -19,7 +19,16 @@ from onboard.misbehaviour.signer_credibility import SignerIgnored
 from onboard.mvs.footer_coding import encode_within
 from onboard.mvs.sdsm_coding import MeasuredObject, message_of
 from onboard.mvs.sdsm_coding import Sender as SdsmSender
-from onboard.observations import DetectionList, Lead, Position, Sensor, Speed, VehicleDetection
+from onboard.observations import (
+    DetectionList,
+    Lead,
+    Position,
+    Sensor,
+    Side,
+    Speed,
+    TurnSignal,
+    VehicleDetection,
+)
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
@@ -200,6 +209,8 @@ class AttackedHost:
         """By its detector."""
         self.lead: Lead | None = None
         """By its camera."""
+        self.signals: Side | None = None
+        """Turn signal that is on."""
         self.events: list[Event] = []
         self._has_detector = detector
 
@@ -213,6 +224,8 @@ class AttackedHost:
             if self._has_detector:
                 inputs.append(DetectionList(self.now, self.seen))
             inputs += [] if self.lead is None else [self.lead]
+            if self.signals is not None:
+                inputs.append(TurnSignal(self.now, self.signals, is_on=True, source="dbc"))
             inputs += [ReceivedWsm(self.now, wsm) for send in senders for wsm in send(self.now)]
             self.events += self.stack.step(inputs, self.now).events
 

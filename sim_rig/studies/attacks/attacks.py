@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from onboard.observations import VehicleDetection
+from onboard.risk.adjacent_lane import LANE_M
 from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
@@ -71,6 +72,7 @@ class AttackKind(StrEnum):
     FLICKERING = "vehicle in and out of the way"
     FOUR = "four crossing vehicles at once"
     BRAKING = "vehicle ahead that brakes hard"
+    BLIND_SPOT = "vehicle in the blind spot of a driver who signals"
     TURNS = "crossing vehicles, under 20 pseudonyms by turns"
     PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
@@ -124,6 +126,7 @@ def run_host(
     services = psid.OF_VEHICLES if checks else psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS
     trial = make_trial(["host", *names], services, START_UTC_S, new_key, pseudonyms=several)
     host = AttackedHost(trial["host"], START_UTC_S, checks=checks)
+    host.signals = "left" if attack is AttackKind.BLIND_SPOT else None
     senders = [
         partial(_by_turns, attack, host, pseudonyms_of(trial[name], n, START_UTC_S), n)
         for n, name in enumerate(names[:insiders])
@@ -268,6 +271,16 @@ def braking_ahead(host: AttackedHost, signer: Signer, insider: int, now: float) 
     yield signer.bsm_at(place_m, velocity_m_s, now, temporary_id=name, brakes=brakes_s > 0.0)
 
 
+def in_the_blind_spot(
+    host: AttackedHost, signer: Signer, insider: int, now: float
+) -> Iterator[bytes]:
+    """One vehicle after the other in the lane to the left, as fast as the host, and just behind."""
+    number, _ = divmod(now + 1.1 * insider, PASS_S)
+    place_m = (-LANE_M, host.north_m - 3.0)
+    name = _id(insider, int(number))
+    yield signer.bsm_at(place_m, (0.0, SPEED_M_S), now, temporary_id=name)
+
+
 def same_id(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
     """A vehicle that stands aside, under the ID of the next true one, before that is heard."""
     number = insider + int(now // TRUE_EVERY_S)
@@ -283,6 +296,7 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.FOUR: four_at_once,
     AttackKind.BRAKING: braking_ahead,
     AttackKind.SAME_ID: same_id,
+    AttackKind.BLIND_SPOT: in_the_blind_spot,
     AttackKind.SDSM: crossing_sdsm,
     AttackKind.SIGNALS: red_lights,
 }
