@@ -182,13 +182,15 @@ class Quantity(FixedField):
 class Angle(Quantity):
     """A direction in rad, whole turns aside: -90 degrees are sent as 270."""
 
-    def __init__(self, steps: int) -> None:
-        """Declare INTEGER (0..steps).
+    def __init__(self, steps: int, unavailable: int | None = None) -> None:
+        """Declare INTEGER (0..unavailable).
 
         Args:
-            steps: of a full turn; also the code that stands for `None`.
+            steps: of a full turn.
+            unavailable: code that stands for `None`; `steps` if not given.
         """
-        super().__init__(0, steps - 1, math.tau / steps, "rad", unavailable=steps)
+        code = steps if unavailable is None else unavailable
+        super().__init__(0, code - 1, math.tau / steps, "rad", unavailable=code)
         self._steps = steps
 
     @override
@@ -196,6 +198,37 @@ class Angle(Quantity):
         if value is None:
             return self._unavailable_code()
         return round(value * self._per_unit) % self._steps
+
+
+class ExtensibleQuantity(Field):
+    """INTEGER (lowest..highest, ...), with scale and unit.
+
+    What a later edition may send beyond the range is read as the end of the range.
+    """
+
+    def __init__(self, lowest: int, highest: int, scale: float, unit: str) -> None:
+        """Declare the field, of 16 bits at most; see `Quantity`."""
+        self.root = Quantity(lowest, highest, scale, unit)
+
+    @override
+    def put(self, writer: BitWriter, value: float) -> None:
+        writer.put(0, 1)
+        self.root.put(writer, value)
+
+    @override
+    def take(self, reader: BitReader) -> float | None:
+        # Read at once: an extension, with its length, is longer than a value in the range.
+        raw = reader.take(1 + self.root.bits)
+        if not raw >> self.root.bits:
+            return self.root.from_raw(raw)
+        reader.left += self.root.bits
+        steps = int.from_bytes(reader.octets(), signed=True)
+        root = self.root
+        return min(max(steps, root.lowest), root.highest) * root.scale
+
+    @override
+    def row(self) -> tuple[str, str, str]:
+        return self.root.row()
 
 
 class FixedPoint(Quantity):

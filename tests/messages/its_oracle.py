@@ -1,4 +1,4 @@
-"""MAP and SPAT by another codec: pycrate with the ASN.1 of ISO/TS 19091, which ETSI publishes.
+"""Messages by another codec: pycrate with ETSI's ASN.1, for MAP and SPAT that of ISO/TS 19091.
 
 That module repeats SAE J2735, but for the lower end of the longitude.
 """
@@ -6,6 +6,7 @@ That module repeats SAE J2735, but for the lower end of the longitude.
 from enum import Enum
 from typing import Any
 
+from pycrate_asn1dir.ITS_CAM_2 import CAM_PDU_Descriptions
 from pycrate_asn1dir.ITS_IS import DSRC
 
 from onboard.messages.fields import (
@@ -14,6 +15,7 @@ from onboard.messages.fields import (
     Choice,
     Enumerated,
     ExtensibleEnumerated,
+    ExtensibleQuantity,
     Field,
     Ia5String,
     Integer,
@@ -25,7 +27,11 @@ from onboard.messages.fields import (
 )
 from onboard.messages.record import Record
 
-ORACLES = {"MapData": DSRC.MapData, "Spat": DSRC.SPAT}
+ORACLES = {
+    "MapData": DSRC.MapData,
+    "Spat": DSRC.SPAT,
+    "CamParameters": CAM_PDU_Descriptions.CamParameters,
+}
 _LONGITUDE_FROM = -1_799_999_999
 """Of J2735; that of ISO/TS 19091 begins one step lower."""
 
@@ -56,6 +62,12 @@ def _same(  # noqa: C901, PLR0912 (one for each kind)
         case SequenceOf() if type_.TYPE == "SEQUENCE":  # x and y, without a count
             for each, (name, inner) in zip(ours, type_._cont.items(), strict=True):
                 _same(field.item, each, theirs[name], inner)
+        case SequenceOf() if type_.TYPE == "BIT STRING":
+            assert f"{theirs[0]:0{theirs[1]}b}" == "".join(str(int(each)) for each in ours)
+        case SequenceOf() if type_.TYPE == "OCTET STRING":
+            assert theirs == bytes(ours)
+        case ExtensibleQuantity():
+            _same(field.root, ours, theirs, type_)
         case SequenceOf():
             assert len(ours) == len(theirs)
             for one, other in zip(ours, theirs, strict=True):
@@ -70,6 +82,8 @@ def _same(  # noqa: C901, PLR0912 (one for each kind)
             steps = field.to_raw(ours) + min(field.lowest, field._first)
             assert lowest is None or steps == field.unavailable
             assert theirs == steps - (field.lowest == _LONGITUDE_FROM)
+        case Enumerated() if ours is None:
+            assert list(type_._cont).index(theirs) == field.unavailable
         case Enumerated() | ExtensibleEnumerated():
             assert isinstance(ours, Enum)
             assert list(type_._cont).index(theirs) == ours.value

@@ -11,6 +11,7 @@ from onboard.messages.fields import (
     Chosen,
     Enumerated,
     ExtensibleEnumerated,
+    ExtensibleQuantity,
     Field,
     FixedField,
     Ia5String,
@@ -25,7 +26,7 @@ from onboard.messages.message_frame import RegionalExtension
 from onboard.messages.record import Record
 
 
-def values(  # noqa: C901, PLR0911 (one for each kind)
+def values(  # noqa: C901, PLR0911, PLR0912 (one for each kind)
     field: Field, most: int = 4
 ) -> st.SearchStrategy[Any]:
     """Return every value that `field` can carry, `None` where it has a code for it.
@@ -35,6 +36,8 @@ def values(  # noqa: C901, PLR0911 (one for each kind)
     match field:
         case Record():
             return records(field, most)
+        case ExtensibleQuantity():
+            return numbers(field.root)
         case Optional():
             if isinstance(field.field, Quantity):
                 return st.none() | numbers(field.field)
