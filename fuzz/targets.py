@@ -13,7 +13,8 @@ from onboard.errors import DecodeError
 from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.hmi.access_check import AccessCheck
-from onboard.messages import bsm, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.its_g5 import packet
+from onboard.messages import bsm, cam, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.can_frame import CanFrame
@@ -31,8 +32,8 @@ from onboard.settings import SettingsError, parse_settings, parse_yaml
 from onboard.tools.decode.describe import describe
 from onboard.tools.test_ca.authority import make_trial
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.framing import bsm_sender
 from onboard.vehicle.lcca_link import LccaLink, RefusalError
-from onboard.vehicle.wave_link import bsm_sender
 from onboard.vision import jpeg
 from onboard.vision.mjpeg import MjpegParts
 from onboard.wave_udp import immediate_forward, psid, wsmp
@@ -100,6 +101,16 @@ def _lcca_origin(data: bytes) -> None:
     opened = Opened(b"", b"signer--", _UTC_S)
     message, _ = link.receive_pdu(lcca.LccaPdu(_COPY, origin=data), opened, None, now=0.0)
     link.encode(message)
+
+
+def _geonetworking(data: bytes) -> None:
+    """A frame of ITS-G5, down to its payload."""
+    header, content = packet.read_basic_header(data)
+    packet.check_hops(header, content)
+    packet.port_in(content)
+    read = packet.decode(content)
+    if packet.decode(packet.encode(read)) != read:
+        raise AssertionError(f"{read} is not what its encoding decodes to")
 
 
 def _security(data: bytes) -> object:
@@ -248,6 +259,8 @@ TARGETS = {
     "ieee1609dot2": Target(_security, (NotTrusted,)),
     "peer_to_peer": Target(decode_ca_certs, (Malformed, Unsupported)),
     "bsm": _codec(bsm.decode, bsm.encode),
+    "cam": _codec(cam.decode, cam.encode),
+    "geonetworking": Target(_geonetworking, (DecodeError,)),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
     "spat": _codec(spat.decode, spat.encode, 2e-2),
     "sdsm": _codec(sdsm.decode, sdsm.encode, 2e-2),

@@ -18,6 +18,7 @@ import typer
 
 from onboard.errors import UserError
 from onboard.tools.command_line import VersionOption, command_line
+from onboard.wave_udp.settings import RadioProfile
 from sim_rig.scenario.catalogue import scenario_titles
 from sim_rig.studies.campaigns.catalogue import (
     check_studies,
@@ -86,6 +87,10 @@ def run(
             help="With --box: no other car is a process; the rig steps their cores in real time.",
         ),
     ] = False,
+    profile: Annotated[
+        RadioProfile | None,
+        typer.Option(help="Messages and headers of all cars, instead of the scenario's own."),
+    ] = None,
 ) -> None:
     """Run a scenario and print a report.
 
@@ -103,6 +108,7 @@ def run(
             watch=watch,
             boxes=box or (),
             virtual_others=virtual_others,
+            profile=profile,
         )
     raise typer.Exit(outcome)
 

@@ -11,6 +11,7 @@ from collections.abc import Set as AbstractSet
 import numpy as np
 from typing_extensions import override
 
+from onboard.bsm_transmission.cam_schedule import CamSchedule, Motion
 from onboard.bsm_transmission.path_history import PathHistoryKeeper
 from onboard.bsm_transmission.path_prediction import PathPredictor
 from onboard.bsm_transmission.schedule import BsmSchedule
@@ -21,6 +22,7 @@ from onboard.kinematics.geodesy import distance_m
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import (
+    ALL_WHEELS,
     AccelerationSet,
     BrakeSystemStatus,
     CoreData,
@@ -68,11 +70,6 @@ DEFAULT_SIGMA_M = 5.0
 ACCELERATION_WINDOW_S = 0.8
 """Window of the slope of speed: 0.1 m/s^2 rms error for whole km/h at 20 Hz."""
 
-ALL_WHEELS = (
-    WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
-    | WheelBrakes.RIGHT_REAR
-)  # fmt: skip
-
 
 class BsmTransmitter(Core):
     """Decides when a BSM is due, and composes it."""
@@ -84,6 +81,8 @@ class BsmTransmitter(Core):
         rng: np.random.Generator,
         now: float,
         host: HostState,
+        *,
+        triggered: bool = False,
     ) -> None:
         """Start the schedule.
 
@@ -94,10 +93,13 @@ class BsmTransmitter(Core):
             now: the present time.
             host: the host vehicle by its sensors, filled by the caller. What is too old there is
                 sent as unavailable.
+            triggered: send when the motion changes, as CAMs are, and not at a rate.
         """
         self._size = size
         self._host = host
-        self._schedule = BsmSchedule(rng, now)
+        self._schedule: BsmSchedule | CamSchedule = (
+            CamSchedule(rng, now, self._motion) if triggered else BsmSchedule(rng, now)
+        )
         self._trend = AccelerationEstimator(ACCELERATION_WINDOW_S)
         self._predictor = PathPredictor()
         self._brake: HardBrake | None = None
@@ -174,6 +176,15 @@ class BsmTransmitter(Core):
     def take_due(self, now: float) -> bool:
         """Return whether a BSM is to be sent now; `bsm` composes it."""
         return self._schedule.take_due(now)
+
+    def _motion(self, now: float) -> Motion:
+        speed, fix = self._host.speed(now), self._host.position(now)
+        if fix is None:
+            return Motion(None, None, None, speed.speed_m_s if speed else None)
+        heading_rad = None if _is_at_standstill(fix) else fix.course_rad
+        return Motion(
+            fix.latitude_deg, fix.longitude_deg, heading_rad, self._speed_m_s(fix, speed, now)
+        )
 
     def bsm(
         self, footer: bytes | None, now: float, utc_s: float, held_heading_rad: float | None = None

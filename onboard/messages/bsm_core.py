@@ -43,6 +43,12 @@ class WheelBrakes(IntFlag):
     RIGHT_REAR = 1 << 4
 
 
+ALL_WHEELS = (
+    WheelBrakes.LEFT_FRONT | WheelBrakes.LEFT_REAR | WheelBrakes.RIGHT_FRONT
+    | WheelBrakes.RIGHT_REAR
+)  # fmt: skip
+
+
 class ControlStatus(Enum):
     """State of traction control, ABS or stability control; `ENGAGED` means active now."""
 

@@ -14,6 +14,7 @@ from onboard.replay.initial_state import InitialState
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
 from onboard.vehicle.config import CarConfig
+from onboard.wave_udp.settings import RadioProfile
 
 OF_THE_CORES = frozenset({
     "car", "obd", "vision", "security", "lcca", "lcca_psid", "mvs", "risk", "brake_request",
@@ -35,6 +36,8 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
     tree["car"]["plate"] = aliases.alias(config.car.plate)
     tree.get("access", {}).pop("driver_file", None)
+    if config.radio_profile is not RadioProfile.WAVE:  # without addresses
+        tree["radio"] = {"endpoint": "raw", "interface": "-", "profile": config.radio_profile}
     if "brake_request" in tree:  # without addresses
         tree["brake_request"] |= {"udp": None, "can": None}
     tree.get("security", {}).pop("keys_folder", None)

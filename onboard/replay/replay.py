@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from onboard.errors import UserError
+from onboard.its_g5.headers import BASIC
 from onboard.recorder.inputs import as_input
 from onboard.recorder.reader import RecordedDrive, RecordingError
 from onboard.recorder.records import (
@@ -23,14 +24,13 @@ from onboard.recorder.records import (
 )
 from onboard.replay.recorded_stack import replayed_stack
 from onboard.replay.tap import Tap
+from onboard.security import ieee1609dot2
 from onboard.step import Input
 from onboard.trace.trace_line import Event, as_json, as_record
 from onboard.wave_udp import wsmp
 
 OTHER_PROCESSOR: Final = 1e-9
 """Relative difference of numbers that another processor's last digits explain."""
-_SIGNED_DATA = 0x81
-"""Content choice of Ieee1609Dot2Data, its second byte."""
 _SIGNATURE_BYTES = 64
 """r and s, at the end of signed data, which is at the end of its WSM."""
 
@@ -248,6 +248,8 @@ def _is_close(one: object, other: object, tolerance: float) -> bool:
 def _without_signature(replayed: Output) -> dict[str, object]:
     record: dict[str, object] = json.loads(replayed.data)
     frame = bytes.fromhex(str(record["data"]))
-    if wsmp.decode(frame).payload[1] == _SIGNED_DATA:
+    is_wsm = wsmp.ethertype_of(frame) == wsmp.ETHERTYPE
+    secured = wsmp.decode(frame).payload if is_wsm else frame[BASIC.size_bytes :]
+    if ieee1609dot2.is_signed(secured):
         record["data"] = frame[:-_SIGNATURE_BYTES].hex()
     return record

@@ -16,6 +16,7 @@ from onboard.security.plate_digest import PlateDigest
 from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
+from onboard.vehicle.framing import RadioFraming
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -25,6 +26,7 @@ POSITION_KINDS = frozenset({"position", "perceived_object"})
 
 
 _WITH_POSITION = frozenset({psid.BSM, psid.SENSOR_SHARING})
+"""Services of WSMs; every GeoNetworking packet has the position of its sender."""
 
 
 class Tap:
@@ -79,6 +81,11 @@ class Tap:
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """See `Stack`."""
         return self._stack.surroundings
+
+    @property
+    def framing(self) -> RadioFraming:
+        """See `Stack`."""
+        return self._stack.framing
 
     def curvature(self, now: float) -> Curvature | None:
         """See `Stack`."""

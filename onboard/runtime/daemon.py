@@ -32,7 +32,6 @@ from onboard.security.key_files import read_own_credentials
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
-from onboard.vehicle.wave_link import bsm_sender
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.receive_turns import ReceiveTurns
@@ -89,9 +88,10 @@ class Daemon:
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(
             config.lcca_psid,
-            bsm_sender,
+            self._stack.framing.sender_of,
             self._stack.known_signer,
             self._stack.certificate_in,
+            self._stack.framing.read,
         )
         self._turns = ReceiveTurns(self._wsms, time.monotonic)
         self._inbox: deque[Item] = deque()
@@ -169,7 +169,7 @@ class Daemon:
                 yield item
         dropped = self._wsms.take_dropped()
         if dropped:
-            yield Discarded(now, "wsmp", "overload", f"{dropped} frames")
+            yield Discarded(now, self._stack.framing.component, "overload", f"{dropped} frames")
         for wsm in self._turns.take(now):
             yield ReceivedWsm(now, wsm)
             self._handled.append(wsm)

@@ -19,7 +19,7 @@ from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
 from onboard.security.trust import Trusted, TrustStore
-from onboard.wave_udp.psid import BSM, MAP, SPAT
+from onboard.wave_udp.psid import AWARENESS, BSM, MAP, SPAT
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 
@@ -76,6 +76,7 @@ class SecurityServices:
         credentials: Credentials | None = None,
         *,
         certificate_interval_s: float = CERTIFICATE_INTERVAL_S,
+        distributes: bool = True,
     ) -> None:
         """Sign and verify with `credentials`; without them, neither.
 
@@ -83,6 +84,7 @@ class SecurityServices:
             utc_offset_s: UTC less the monotonic clock.
             credentials: pseudonym certificates with their keys, and the trusted roots.
             certificate_interval_s: longest time between BSMs that carry the certificate.
+            distributes: whether vehicles ask each other for certificates of authorities.
 
         Raises:
             NotTrusted: an authority's certificate or a revocation list is not valid.
@@ -105,7 +107,8 @@ class SecurityServices:
         if credentials is not None:
             self._own_ids = frozenset(own.certificate.hashed_id8 for own in credentials.pseudonyms)
             self._trust = trust_store(credentials)
-            self.distribution = CertificateDistribution(credentials.authorities)
+            if distributes:
+                self.distribution = CertificateDistribution(credentials.authorities)
             self.sign_with(credentials.pseudonyms[0])
 
     def utc_s(self, now: float) -> float:
@@ -146,7 +149,9 @@ class SecurityServices:
     def is_road_side_unit(self, signer_id: bytes) -> bool:
         """Whether a received certificate, by its HashedId8, permits MAP or SPAT, and no BSM."""
         signer = None if self._trust is None else self._trust.find(signer_id)
-        return signer is not None and BSM not in signer.psids and bool({MAP, SPAT} & signer.psids)
+        return (
+            signer is not None and not AWARENESS & signer.psids and bool({MAP, SPAT} & signer.psids)
+        )
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -196,7 +201,7 @@ class SecurityServices:
         return generation
 
     def _attaches_certificate(self, psid: int, now: float) -> bool:
-        if psid == BSM and now < self._certificate_due_at:
+        if psid in AWARENESS and now < self._certificate_due_at:
             return False
         self._certificate_due_at = now + self._certificate_interval_s
         return True

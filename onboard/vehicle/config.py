@@ -23,7 +23,7 @@ from onboard.security.settings import SecuritySettings
 from onboard.settings import Settings
 from onboard.vision.settings import CameraSettings, VisionSettings
 from onboard.wave_udp import psid
-from onboard.wave_udp.settings import RadioSettings
+from onboard.wave_udp.settings import RadioProfile, RadioSettings
 
 _PLATE = re.compile(r"[A-Z0-9]{1,10}")
 
@@ -123,10 +123,17 @@ class CarConfig(Settings):
     @property
     def psids(self) -> frozenset[int]:
         """Services in which it sends."""
+        if self.radio_profile is RadioProfile.ITS_G5:
+            return frozenset({self.lcca_psid, psid.CAM, psid.DENM})
         shares_in_sdsm = self.mvs.shared_in is not SharedIn.FOOTER
         return frozenset({self.lcca_psid, psid.BSM}) | (
             {psid.SENSOR_SHARING} if shares_in_sdsm else set()
         )
+
+    @property
+    def radio_profile(self) -> RadioProfile:
+        """Messages and headers; WAVE's without a radio."""
+        return RadioProfile.WAVE if self.radio is None else self.radio.profile
 
     @field_validator("lcca_psid")
     @classmethod

@@ -10,6 +10,7 @@ stays with the warning until its own copy is sent, whatever others send in the m
 """
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from onboard.errors import DecodeError
@@ -54,6 +55,7 @@ class LccaLink:
         psid: int,
         credentials: Credentials | None,
         digest: PlateDigest,
+        payload_in: Callable[[bytes], bytes] = bytes,
     ) -> None:
         """Start without statements.
 
@@ -62,11 +64,13 @@ class LccaLink:
             psid: of the messages.
             credentials: the own ones; proofs are asked for if they commit to IDs.
             digest: knows when epochs begin.
+            payload_in: returns the message in what was signed, which is that itself by default.
         """
         self._security = security
         self._psid = psid
         self._asks = credentials is not None and credentials.commit_to_ids
         self._digest = digest
+        self._payload_in = payload_in
         self._proof: Proof = ()
         self._statements: OrderedDict[_Key, _Statement] = OrderedDict()
 
@@ -120,19 +124,27 @@ class LccaLink:
 
     def _verified(self, origin: bytes, copy: Warn, now: float) -> _Statement:
         """Return what the braking vehicle signed, verified only if the copy states the same."""
-        if not _states(ieee1609dot2.payload_in(origin) or b"", copy):
+        if not self._states(ieee1609dot2.payload_in(origin) or b"", copy):
             raise RefusalError("unproved_origin")
         try:
             opened = self._security.open(origin, self._psid, now, is_repeated=True)
         except NotTrusted as refusal:
             is_own = refusal.reason is RejectionReason.OWN_ECHO
             raise RefusalError("own_echo" if is_own else "unproved_origin") from refusal
-        stated = lcca.decode(opened.payload)
+        stated = lcca.decode(self._payload_in(opened.payload))
         if not isinstance(stated.message, Warn) or not self._is_proved(
             stated.message.sender_id, stated.proof, opened
         ):
             raise RefusalError("unproved_origin")
         return self._keep(_Statement(stated.message, opened))
+
+    def _states(self, signed_part: bytes, copy: Warn) -> bool:
+        """Whether this is the warning of the braking vehicle that a copy is of."""
+        try:
+            origin = lcca.decode(self._payload_in(signed_part)).message
+        except DecodeError:
+            return False
+        return isinstance(origin, Warn) and origin.is_direct and _key(origin) == _key(copy)
 
     def _is_proved(self, car_id: CarId, proof: Proof, opened: Opened) -> bool:
         if not self._asks:
@@ -150,15 +162,6 @@ class LccaLink:
         if len(self._statements) > MAX_STATEMENTS:
             self._statements.popitem(last=False)
         return stated
-
-
-def _states(payload: bytes, copy: Warn) -> bool:
-    """Whether a payload is the warning of the braking vehicle that a copy is of."""
-    try:
-        origin = lcca.decode(payload).message
-    except DecodeError:
-        return False
-    return isinstance(origin, Warn) and origin.is_direct and _key(origin) == _key(copy)
 
 
 def _key(warn: Warn) -> _Key:

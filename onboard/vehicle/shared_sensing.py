@@ -40,6 +40,7 @@ class SharedSensing:
         utc_offset_s: float,
         tracking: TrackingParameters = DEFAULTS,
         tracks_sensed: bool = False,
+        triggered: bool = False,
     ) -> None:
         """Start without tracks.
 
@@ -52,11 +53,12 @@ class SharedSensing:
             now: time on the clock of the cores in s.
             utc_offset_s: UTC in seconds since 1970 less that time.
             tracking: parameters of the tracker.
+            triggered: see `BsmTransmitter`.
             tracks_sensed: whether what own sensors measure is tracked apart, too.
         """
         self._shared_in = settings.shared_in
         self._utc_offset_s = utc_offset_s
-        self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host)
+        self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host, triggered=triggered)
         self.mvs = MultiVehicleSensing(
             settings,
             pseudonym.temporary_id,

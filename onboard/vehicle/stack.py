@@ -5,10 +5,10 @@ virtual time and both replays call it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import lru_cache, partial
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from itertools import starmap
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from onboard.errors import DecodeError
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
-from onboard.messages import bsm, lcca, map_data, sdsm, spat
+from onboard.messages import lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.exchanged import MessageSent
 from onboard.messages.lcca import LccaPdu
@@ -29,6 +29,7 @@ from onboard.observations import (
     Curvature,
     Discarded,
     HardBrake,
+    Position,
     Sensor,
     SensorLost,
     SensorRecovered,
@@ -42,10 +43,14 @@ from onboard.security.security_services import Opened, SecurityServices
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.framing import RadioFraming, WaveFraming
+from onboard.vehicle.its_g5_framing import ItsG5Framing
 from onboard.vehicle.lcca_link import LccaLink, RefusalError
+from onboard.vehicle.message_set import ItsMessages, J2735Messages, MessageSet
 from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, Vehicle
 from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid
+from onboard.wave_udp.settings import RadioProfile
 from onboard.wave_udp.wsmp import WaveShortMessage
 
 if TYPE_CHECKING:
@@ -56,24 +61,6 @@ LCCA_LIFETIME_S = 0.5
 
 BSM_LIFETIME_S = 0.1
 """Time a BSM may wait for the radio: the shortest interval to the next one (SAE J2945/1)."""
-
-
-class _Codec(NamedTuple):
-    """How the messages of a service are decoded."""
-
-    component: str
-    """Which discards those that cannot be."""
-    decode: Callable[[bytes], ReceivedMessage | LccaPdu]
-
-
-_CODECS: Mapping[int, _Codec] = {
-    psid.BSM: _Codec("bsm", bsm.decode),
-    psid.SENSOR_SHARING: _Codec("sdsm", sdsm.decode),
-    # A road-side unit repeats its MAP message every second; a large one takes some milliseconds.
-    psid.MAP: _Codec("map", lru_cache(maxsize=8)(map_data.decode)),
-    psid.SPAT: _Codec("spat", spat.decode),
-}
-"""By PSID; that of LCCA is configured."""
 
 
 class Stack:
@@ -109,8 +96,17 @@ class Stack:
             fresh_entropy: asked at each change of the pseudonym for a new seed of `rng`.
         """
         self._config = config
-        self._codecs = {**_CODECS, config.lcca_psid: _Codec("lcca", lcca.decode)}
-        self._security = SecurityServices(utc_s - now, credentials)
+        if config.radio_profile is RadioProfile.ITS_G5:
+            self._messages: MessageSet = ItsMessages()
+            self.framing: RadioFraming = ItsG5Framing(config.lcca_psid, self._last_fix)
+        else:
+            self._messages, self.framing = J2735Messages(), WaveFraming()
+        self._security = SecurityServices(
+            utc_s - now,
+            credentials,
+            certificate_interval_s=self.framing.certificate_interval_s,
+            distributes=self.framing.distributes,
+        )
         self._is_clock_wrong = False
         self._digest = digest or PlateDigest(config.security.plate_digest)
         self._pseudonyms = Pseudonyms(
@@ -118,8 +114,11 @@ class Stack:
         )
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
-        self._link = WaveLink(self._security, self._codecs)
-        self._lcca_link = LccaLink(self._security, config.lcca_psid, credentials, self._digest)
+        services = {*self._messages.components, config.lcca_psid}
+        self._link = WaveLink(self._security, services, self.framing)
+        self._lcca_link = LccaLink(
+            self._security, config.lcca_psid, credentials, self._digest, self.framing.payload_in
+        )
         self._vehicle = Vehicle(
             config,
             tuple(sensors),
@@ -214,6 +213,7 @@ class Stack:
             self._use_credential(now)
 
     def _use_credential(self, now: float) -> None:
+        self.framing.use_pseudonym(self._pseudonym)
         self._lcca_link.use_pseudonym(self._pseudonym)
         credential = self._pseudonym.credential
         if credential is None:
@@ -244,14 +244,19 @@ class Stack:
         self._check_clock(now)
         if received is None:
             return
-        service, opened = received
-        if service != psid.BSM and not opened.is_valid_at(self._own_place(now)):
+        service, opened, data = received
+        if service not in psid.AWARENESS and not opened.is_valid_at(self._own_place(now)):
             self._discard_outside_region(opened, now)
             return
-        component, decode = self._codecs[service]
+        is_lcca = service == self._config.lcca_psid
         try:
-            message = decode(opened.payload)
+            message: ReceivedMessage | LccaPdu = (
+                lcca.decode(data)
+                if is_lcca
+                else self._messages.decode(service, data, self._security.utc_s(now))
+            )
         except DecodeError as error:
+            component = "lcca" if is_lcca else self._messages.components[service]
             self._vehicle.put_out(Discarded(now, component, error.reason, error.detail))
             return
         if isinstance(message, BasicSafetyMessage) and not opened.is_valid_at(
@@ -295,8 +300,11 @@ class Stack:
 
     def _own_place(self, now: float) -> TwoDLocation | None:
         """Return where the vehicle was last known to be."""
-        fix = self._vehicle.host.position(now, math.inf)
+        fix = self._last_fix(now)
         return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
+
+    def _last_fix(self, now: float) -> Position | None:
+        return self._vehicle.host.position(now, math.inf)
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -322,15 +330,13 @@ class Stack:
         yield from starmap(partial(SentWsm, now), self._link.wsms_to_send(now))
 
     def _submit(self, message: SentMessage, now: float) -> None:
-        priority = message.user_priority
-        match message:
-            case BasicSafetyMessage():
-                self._link.submit(bsm.encode(message), psid.BSM, priority, BSM_LIFETIME_S, now)
-            case SensorDataSharingMessage():
-                data = sdsm.encode(message)
-                self._link.submit(data, psid.SENSOR_SHARING, priority, BSM_LIFETIME_S, now)
-            case _:
-                self._submit_lcca(message, now)
+        if not isinstance(message, BasicSafetyMessage | SensorDataSharingMessage):
+            self._submit_lcca(message, now)
+            return
+        encoded = self._messages.encode(message, now, self._security.utc_s(now))
+        if encoded is not None:
+            service, data, priority = encoded
+            self._link.submit(data, service, priority, BSM_LIFETIME_S, now)
 
     def _submit_lcca(self, message: lcca.LccaMessage, now: float) -> None:
         data, priority = self._lcca_link.encode(message), message.user_priority

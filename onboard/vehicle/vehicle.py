@@ -54,6 +54,7 @@ from onboard.vehicle.lcca_application import LccaApplication
 from onboard.vehicle.risk_response import RiskResponse
 from onboard.vehicle.shared_sensing import SharedSensing
 from onboard.vehicle.surroundings import Surroundings
+from onboard.wave_udp.settings import RadioProfile
 
 SentMessage = BasicSafetyMessage | SensorDataSharingMessage | LccaMessage
 ReceivedMessage = SentMessage | MapData | Spat
@@ -140,6 +141,7 @@ class Vehicle(Core):
             now=now,
             utc_offset_s=utc_offset_s,
             tracks_sensed=config.brake_request is not None,
+            triggered=config.radio_profile is RadioProfile.ITS_G5,
         )
         self._access = (
             AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION), self.host)

@@ -1,4 +1,4 @@
-"""Messages to WSM frames and back: 1609.2 data in WSMP, sent by user priority."""
+"""Messages to frames and back: 1609.2 data in a profile's headers, sent by user priority."""
 
 from collections import deque
 from collections.abc import Collection
@@ -7,14 +7,14 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.messages import bsm
 from onboard.observations import Discarded
 from onboard.security import ieee1609dot2
 from onboard.security.peer_to_peer import answered_by
 from onboard.security.security_services import NotTrusted, Opened, SecurityServices
+from onboard.vehicle.framing import RadioFraming, WaveFraming
 from onboard.wave_udp import psid
 from onboard.wave_udp.radio_queue import PRIORITIES, RadioQueue
-from onboard.wave_udp.wsmp import WaveShortMessage, decode, encode
+from onboard.wave_udp.wsmp import WaveShortMessage
 
 ANSWER_PRIORITY = 1
 """User priority of certificates for others: the lowest, background."""
@@ -25,9 +25,15 @@ ANSWER_LIFETIME_S = 1.0
 class WaveLink(Core):
     """Secures, frames and queues messages, and opens received frames, without I/O."""
 
-    def __init__(self, security: SecurityServices, psids: Collection[int]) -> None:
-        """Receive the services `psids` only."""
+    def __init__(
+        self,
+        security: SecurityServices,
+        psids: Collection[int],
+        framing: RadioFraming | None = None,
+    ) -> None:
+        """Receive the services `psids` only, in the frames of `framing`; WSMs by default."""
         self._security = security
+        self._framing = framing or WaveFraming()
         self._psids = frozenset(psids)
         self._queue = RadioQueue()
         self._discarded: deque[Discarded] = deque()
@@ -45,32 +51,37 @@ class WaveLink(Core):
             now: the present time.
 
         Returns:
-            size of the whole WSM in bytes.
+            size of the whole frame in bytes.
         """
-        secured = self._security.secure(payload, psid, now)
-        wsm = encode(WaveShortMessage(psid=psid, payload=secured))
+        utc_s = self._security.utc_s(now)
+        signed_part = self._framing.signed_part(payload, psid, user_priority, now, utc_s)
+        wsm = self._framing.frame(psid, self._security.secure(signed_part, psid, now))
         self._queue.put(wsm, user_priority, now + lifetime_s, now)
         return len(wsm)
 
-    def receive_wsm(self, data: bytes, now: float) -> tuple[int, Opened] | None:
+    def receive_wsm(self, data: bytes, now: float) -> tuple[int, Opened, bytes] | None:
         """Open a frame from the radio.
 
         Returns:
-            its PSID and content, or `None` if it was discarded.
+            its PSID, what was signed, and the message in it, or `None` if it was discarded.
         """
         try:
-            wsm = decode(data)
+            wsm = self._framing.read(data)
             if wsm.psid == psid.PEER_TO_PEER and self._security.verifies:
                 self._security.receive_ca_certs(wsm.payload, now)
                 return None
             if wsm.psid in self._psids:
-                return wsm.psid, self._security.open(wsm.payload, wsm.psid, now)
-            self._discarded.append(Discarded(now, "wsmp", "unknown_psid", f"0x{wsm.psid:X}"))
+                opened = self._security.open(wsm.payload, wsm.psid, now)
+                return wsm.psid, opened, self._framing.payload_in(opened.payload)
+            self._discard("unknown_psid", f"0x{wsm.psid:X}", now)
         except DecodeError as error:
-            self._discarded.append(Discarded(now, "wsmp", error.reason, error.detail))
+            self._discard(error.reason, error.detail, now)
         except NotTrusted as refusal:
             self._discarded.append(Discarded(now, "security", refusal.reason, refusal.detail))
         return None
+
+    def _discard(self, reason: str, detail: str, now: float) -> None:
+        self._discarded.append(Discarded(now, self._framing.component, reason, detail))
 
     def known_signer(self, wsm: WaveShortMessage) -> bytes | None:
         """Return who claims to have signed `wsm`, unverified, if it was verified before.
@@ -98,7 +109,7 @@ class WaveLink(Core):
     def wsms_to_send(self, now: float) -> list[tuple[int, bytes]]:
         """What the radio is to be given now, the most urgent first, as (user priority, WSM)."""
         for answer in self._security.distribution.answers_to_send(now):
-            wsm = encode(WaveShortMessage(psid.PEER_TO_PEER, answer))
+            wsm = self._framing.frame(psid.PEER_TO_PEER, answer)
             self._queue.put(wsm, ANSWER_PRIORITY, now + ANSWER_LIFETIME_S, now)
         return self._queue.wsms_to_send(now)
 
@@ -115,9 +126,3 @@ class WaveLink(Core):
     def next_event(self) -> Discarded | None:
         """The oldest event not yet taken."""
         return self._discarded.popleft() if self._discarded else self._queue.next_event()
-
-
-def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
-    """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
-    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
-    return None if payload is None else bsm.temporary_id_in(payload)

@@ -10,7 +10,7 @@ from typing import BinaryIO, Final
 
 from onboard.errors import UserError
 from onboard.wave_udp.wlan_frame import content_of_frame, content_of_radiotap
-from onboard.wave_udp.wsmp import ETHERTYPE
+from onboard.wave_udp.wsmp import ETHERTYPE, ETHERTYPE_GEONETWORKING, ethertype_of
 
 LINKTYPE_ETHERNET: Final = 1
 LINKTYPE_LINUX_SLL: Final = 113
@@ -20,7 +20,6 @@ LINKTYPE_IEEE802_11_RADIOTAP: Final = 127
 LINKTYPES_IP: Final = (12, 14, 101, 228, 229)
 """LINKTYPE_RAW, which is 12 or 14 in files of some systems; IPv4; IPv6."""
 
-ETHERTYPE_GEONETWORKING: Final = 0x8947
 _ETHERTYPE_IPV4 = 0x0800
 _ETHERTYPE_IPV6 = 0x86DD
 _ETHERTYPE_VLAN = 0x8100
@@ -49,7 +48,7 @@ class Packet:
 
 
 class PcapWriter:
-    """Writes WSMs as Ethernet frames of EtherType 0x88DC."""
+    """Writes WSMs and GeoNetworking packets as Ethernet frames."""
 
     def __init__(self, file: BinaryIO) -> None:
         """Write the file header."""
@@ -60,11 +59,11 @@ class PcapWriter:
         """Append a frame.
 
         Args:
-            wsm: the WSMP frame.
+            wsm: the WSM or packet.
             utc_s: time of transmission.
             sender: MAC address, 6 bytes.
         """
-        frame = _BROADCAST + sender + ETHERTYPE.to_bytes(2) + wsm
+        frame = _BROADCAST + sender + ethertype_of(wsm).to_bytes(2) + wsm
         seconds, microseconds = divmod(round(utc_s * 1e6), 1_000_000)
         self._file.write(struct.pack("<IIII", seconds, microseconds, len(frame), len(frame)))
         self._file.write(frame)

@@ -8,6 +8,15 @@ HIGHEST = 0x1020407F
 BSM = 0x20
 """Vehicle to vehicle safety and awareness: the J2735 BasicSafetyMessage."""
 
+CAM = 0x24
+"""Cooperative awareness of ETSI ITS (TS 102 965): the CAM."""
+
+DENM = 0x25
+"""Decentralised environmental notification of ETSI ITS (TS 102 965): the DENM."""
+
+AWARENESS = frozenset({BSM, CAM})
+"""Services whose messages each vehicle repeats: their certificate is attached now and then."""
+
 SPAT = 0x82
 """Intersection safety and awareness: the J2735 SPAT message."""
 
@@ -39,9 +48,14 @@ OF_ROAD_SIDE_UNITS = frozenset({MAP, SPAT, SENSOR_SHARING})
 OF_VEHICLES = frozenset({BSM, SENSOR_SHARING, LCCA})
 """Services in which vehicles send."""
 
+OF_ITS_VEHICLES = frozenset({CAM, DENM, LCCA})
+"""Those of vehicles with ITS-G5."""
+
 NAMES = {
     BSM: "vehicle to vehicle safety and awareness",
     0x23: "WAVE security management",
+    CAM: "cooperative awareness",
+    DENM: "decentralized environmental notification",
     0x26: "misbehavior reporting",
     0x27: "vulnerable road users safety",
     0x7F: "testing",

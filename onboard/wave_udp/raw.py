@@ -1,4 +1,4 @@
-"""The link layer as the radio: EtherType 0x88DC on OCB-mode Wi-Fi, or veth for tests."""
+"""The link layer as the radio: frames of a profile's EtherType on OCB-mode Wi-Fi or veth."""
 
 import asyncio
 import contextlib
@@ -6,8 +6,8 @@ import socket
 from collections.abc import Callable
 
 from onboard.wave_udp.drained_socket import DrainedSocket, RadioError
-from onboard.wave_udp.settings import RawSettings
-from onboard.wave_udp.wsmp import ETHERTYPE
+from onboard.wave_udp.settings import RadioProfile, RawSettings
+from onboard.wave_udp.wsmp import ETHERTYPE, ETHERTYPE_GEONETWORKING
 
 BROADCAST = b"\xff" * 6
 
@@ -35,9 +35,11 @@ class RawEndpoint:
         Raises:
             RadioError: it cannot be bound.
         """
-        self._address = settings.interface, ETHERTYPE, 0, 0, BROADCAST
+        is_its = settings.profile is RadioProfile.ITS_G5
+        self._ethertype = ETHERTYPE_GEONETWORKING if is_its else ETHERTYPE
+        self._address = settings.interface, self._ethertype, 0, 0, BROADCAST
         self._user_priority: int | None = None
-        self._socket = DrainedSocket(_open(settings.interface), on_wsm, on_error)
+        self._socket = DrainedSocket(_open(settings.interface, self._ethertype), on_wsm, on_error)
         self._index = socket.if_nametoindex(settings.interface)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -61,7 +63,7 @@ class RawEndpoint:
         interface = self._address[0]
         index = socket.if_nametoindex(interface)
         if index != self._index:
-            wire.bind((interface, ETHERTYPE))
+            wire.bind((interface, self._ethertype))
             self._index = index
 
     def close(self) -> None:
@@ -69,14 +71,14 @@ class RawEndpoint:
         self._socket.close()
 
 
-def _open(interface: str) -> socket.socket:
+def _open(interface: str, ethertype: int) -> socket.socket:
     """Return a socket for which the kernel writes and strips the Ethernet header."""
     try:
-        wire = socket.socket(socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(ETHERTYPE))
+        wire = socket.socket(socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(ethertype))
     except PermissionError as error:
         raise RadioError(f"radio: {interface} needs CAP_NET_RAW and CAP_NET_ADMIN") from error
     try:
-        wire.bind((interface, ETHERTYPE))
+        wire.bind((interface, ethertype))
     except OSError as error:
         wire.close()
         raise RadioError(f"radio: no interface {interface}: {error.strerror}") from error

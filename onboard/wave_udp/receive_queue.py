@@ -44,6 +44,7 @@ class ReceiveQueue:
         sender_of: Callable[[WaveShortMessage], bytes | None],
         known_signer: Callable[[WaveShortMessage], bytes | None] = lambda _wsm: NO_KEYS,
         certificate_in: Callable[[WaveShortMessage], tuple[bytes, bool] | None] = _no_certificate,
+        read: Callable[[bytes], WaveShortMessage] = wsmp.decode,
     ) -> None:
         """Queue frames under `urgent_psid` before all others.
 
@@ -55,7 +56,9 @@ class ReceiveQueue:
             certificate_in: identifies the certificate that a message carries, and tells whether it
                 is of use: whether it may be valid, or is an authority's that messages have named.
                 `None` without one.
+            read: returns service and 1609.2 data of a frame.
         """
+        self._read = read
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
         self._known_signer = known_signer
@@ -86,7 +89,7 @@ class ReceiveQueue:
     def put(self, wsm: bytes) -> None:
         """Queue a received frame."""
         try:
-            message = wsmp.decode(wsm)
+            message = self._read(wsm)
         except DecodeError:
             self._dropped += self._unknown.put(wsm)  # the cores count it with its reason
             return

@@ -1,5 +1,6 @@
 """Settings of the radio unit; `endpoint` selects its kind."""
 
+from enum import StrEnum
 from ipaddress import IPv4Address
 from typing import Annotated, Literal
 
@@ -10,7 +11,21 @@ from onboard.settings import Settings
 Port = Annotated[int, Field(ge=1, le=65535)]
 
 
-class _UnitOnIp(Settings):
+class RadioProfile(StrEnum):
+    """Which messages and headers are sent and received."""
+
+    WAVE = "wave"
+    """SAE J2735 in WSMP."""
+    ITS_G5 = "its-g5"
+    """ETSI ITS in GeoNetworking."""
+
+
+class _Profiled(Settings):
+    profile: RadioProfile = RadioProfile.WAVE
+    """`its-g5` is Europe's."""
+
+
+class _UnitOnIp(_Profiled):
     """A radio unit that is reached by UDP."""
 
     unit_host: IPv4Address = IPv4Address("127.0.0.1")
@@ -22,7 +37,7 @@ class _UnitOnIp(Settings):
 
 
 class IwcuSettings(_UnitOnIp):
-    """ITRI's WAVE Communication Unit and compatible ones: each datagram is one WSM."""
+    """ITRI's WAVE Communication Unit and compatible ones: each datagram is one frame."""
 
     endpoint: Literal["iwcu"]
     unit_port: Port
@@ -33,6 +48,8 @@ class Rsu41Settings(_UnitOnIp):
     """A radio unit of the USDOT RSU Specification 4.1, as most on the market are."""
 
     endpoint: Literal["rsu41"]
+    profile: Literal[RadioProfile.WAVE] = RadioProfile.WAVE
+    """Its messages have a PSID, which no GeoNetworking packet has."""
     unit_port: Port = 1516
     """Port on which the unit accepts Immediate Forward messages; the specification has 1516."""
     channel: int = Field(172, ge=0, le=255)
@@ -41,7 +58,7 @@ class Rsu41Settings(_UnitOnIp):
     """PSID for 1609.2 data that the unit forwards without WSMP header; `None` discards it."""
 
 
-class RawSettings(Settings):
+class RawSettings(_Profiled):
     """The link layer itself: OCB-mode Wi-Fi, or veth. Needs CAP_NET_RAW and CAP_NET_ADMIN."""
 
     endpoint: Literal["raw"]

@@ -24,6 +24,9 @@ from onboard.wave_udp.psid import p_decode, p_encode
 ETHERTYPE: Final = 0x88DC
 """EtherType of WSMP on the link layer (IEEE 1609.3-2020, 5.2.1)."""
 
+ETHERTYPE_GEONETWORKING: Final = 0x8947
+"""EtherType of what ITS-G5 has in place of WSMP (ETSI EN 302 636-4-2)."""
+
 VERSION: Final = 3
 VERSIONS_READ: Final = (2, VERSION)
 MAX_DATA_BYTES: Final = 0x3FFF
@@ -37,6 +40,11 @@ _OPTION_INDICATOR = 0x08
 _WSM_ELEMENTS = (0x80, 0x81, 0x82)
 """Version 2: WSMP, WSMP-S, WSMP-I. The first of them ends the header."""
 _WSMP_S = 0x81
+
+
+def ethertype_of(frame: bytes) -> int:
+    """Return the EtherType of a frame: GeoNetworking begins with its version, 1, in four bits."""
+    return ETHERTYPE_GEONETWORKING if frame[:1] >= b"\x10" else ETHERTYPE
 
 
 @dataclass(frozen=True, slots=True)

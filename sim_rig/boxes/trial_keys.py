@@ -46,7 +46,7 @@ def run_credentials(
     cars = [*scenario.equipped, *background_names(scenario)]
     units, plates = road_side_units(scenario), known_plates(scenario)
     if not boxes:
-        return make_trial(cars, psid.OF_VEHICLES, utc_s, road_side_units=units, plates=plates)
+        return make_trial(cars, scenario.psids, utc_s, road_side_units=units, plates=plates)
     folder = next(iter(boxes.values())).keys
     issuing = _authority(folder)
     for car in boxes:
@@ -55,12 +55,10 @@ def run_credentials(
             check_ids(folder / car, plate.text, plate.digest)
             continue
         own = make_pseudonyms(
-            issuing, _BOX_PSEUDONYMS, psid.OF_VEHICLES, plate=plate, **_valid(utc_s, _BOX_DAYS)
+            issuing, _BOX_PSEUDONYMS, scenario.psids, plate=plate, **_valid(utc_s, _BOX_DAYS)
         )
         write_credentials(folder / car, own)
-    trial = issue_trial(
-        issuing, cars, psid.OF_VEHICLES, utc_s, road_side_units=units, plates=plates
-    )
+    trial = issue_trial(issuing, cars, scenario.psids, utc_s, road_side_units=units, plates=plates)
     for credentials in trial.values():
         # An authority that may not grant a service is an error now, not silence in the run.
         trusted(credentials, [folder / "issuing"] * len(credentials.pseudonyms))

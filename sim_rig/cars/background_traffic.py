@@ -15,7 +15,7 @@ from onboard.settings import parse_settings
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.scenario.car_config import DIGEST
+from sim_rig.scenario.car_config import DIGEST, virtual_radio
 from sim_rig.scenario.schema import Scenario
 
 SEND_INTERVAL_S = 0.5
@@ -46,7 +46,7 @@ class BackgroundTraffic:
         self._air = air
         self._units = scenario.equipped
         names = background_names(scenario)
-        self._cars = {name: _car(name, now, utc_s, credentials) for name in names}
+        self._cars = {name: _car(scenario, name, now, utc_s, credentials) for name in names}
         self._due = [
             (now + SEND_INTERVAL_S * (1.0 + index / len(names)), name)
             for index, name in enumerate(names)
@@ -87,9 +87,19 @@ def background_names(scenario: Scenario) -> list[str]:
     return [f"background{number}" for number in range(scenario.background_traffic)]
 
 
-def _car(name: str, now: float, utc_s: float, credentials: Mapping[str, Credentials]) -> Stack:
+def _car(
+    scenario: Scenario,
+    name: str,
+    now: float,
+    utc_s: float,
+    credentials: Mapping[str, Credentials],
+) -> Stack:
     number = int(name.removeprefix("background"))
-    tree = {"car": {"plate": f"BG{number}"}, "security": {"plate_digest": DIGEST}}
+    tree = {
+        "car": {"plate": f"BG{number}"},
+        "security": {"plate_digest": DIGEST},
+        "radio": virtual_radio(scenario),
+    }
     return Stack(
         parse_settings(tree, CarConfig, name),
         (),

@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from onboard.errors import UserError
+from onboard.wave_udp.settings import RadioProfile
 from sim_rig.boxes.settings import load_boxes
 from sim_rig.engineer.page_process import ENGINEER
 from sim_rig.processes.gpsd import gpsd_program
@@ -36,6 +37,7 @@ def run_scenario(
     watch: bool,
     boxes: Sequence[str] = (),
     virtual_others: bool = False,
+    profile: RadioProfile | None = None,
 ) -> Outcome:
     """Run a scenario, and write traces, recordings and picture into a folder of `out`.
 
@@ -47,6 +49,7 @@ def run_scenario(
         watch: show the engineer's page until Ctrl-C; of virtual time, the run from above.
         boxes: `CAR=FILE` for each car that is a box.
         virtual_others: the rig steps all other cars itself, in real time.
+        profile: messages and headers of all cars, instead of the scenario's own.
 
     Returns:
         Whether all expectations were met.
@@ -55,7 +58,7 @@ def run_scenario(
         UserError: there is no such scenario, or it or a box's file has mistakes.
         OSError: the folder cannot be written.
     """
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, profile)
     if boxes and virtual:
         raise UserError("--box: a box needs real time; leave --virtual out")
     if virtual_others and not boxes:

@@ -117,6 +117,7 @@ class Daemons:
             | calibration(self._scenario.lens).model_dump(),
             "radio": {
                 "endpoint": "iwcu",
+                "profile": self._scenario.profile.value,
                 "listen_port": wires.radio.box_port,
                 "unit_port": wires.radio.port,
             },

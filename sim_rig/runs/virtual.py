@@ -19,7 +19,6 @@ from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.step import SentWsm
 from onboard.tools.test_ca.authority import make_trial
-from onboard.wave_udp import psid
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.radio.faulty_air import FaultyAir
@@ -91,7 +90,7 @@ class _VirtualRun:
             units = road_side_units(scenario)
             credentials = make_trial(
                 cars,
-                psid.OF_VEHICLES,
+                scenario.psids,
                 START_UTC_S,
                 new_key,
                 road_side_units=units,

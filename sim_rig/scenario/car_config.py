@@ -6,6 +6,7 @@ from typing import Any
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.settings import PlateDigestSettings
 from onboard.tools.test_ca.authority import KnownPlate
+from onboard.wave_udp.settings import RadioProfile
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
@@ -46,7 +47,14 @@ def car_config(scenario: Scenario, car: str, seed: int) -> dict[str, Any]:
     if it.broadcast is not None:
         signals = it.broadcast.model_dump(mode="json", exclude_defaults=True)
         config["obd"] = {"broadcast": signals | {"dbc": str(it.broadcast.dbc.resolve())}}
+    if scenario.profile is not RadioProfile.WAVE:
+        config["radio"] = virtual_radio(scenario)
     return config | {"brake_request": {}} if it.obeys_request else config
+
+
+def virtual_radio(scenario: Scenario) -> dict[str, object]:
+    """Tree of the radio settings of a car whose frames the rig carries."""
+    return {"endpoint": "raw", "interface": "air", "profile": scenario.profile.value}
 
 
 def gnss_config(receiver: ReceiverSettings) -> dict[str, object]:

@@ -25,9 +25,11 @@ from onboard.mvs.settings import SharedIn
 from onboard.obd.settings import BroadcastSettings
 from onboard.observations import Side
 from onboard.settings import Settings, SettingsError, load_settings
+from onboard.wave_udp import psid
+from onboard.wave_udp.settings import RadioProfile
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
-from sim_rig.scenario.faults import Fault, PlateMisread, PowerCut
+from sim_rig.scenario.faults import Attack, Fault, PlateMisread, PowerCut
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 from sim_rig.scenario.sensor_settings import (
@@ -206,6 +208,8 @@ class Scenario(Settings):
     """Default: one road that leads east."""
     lane_width_m: float = Field(default=3.5, gt=2.0, le=6.0)
     radio: AirSettings
+    profile: RadioProfile = RadioProfile.WAVE
+    """Messages and headers of all cars."""
     signal: SignalSettings | None = None
     """Signals of a crossing, whose road-side unit sends MAP and SPAT messages."""
     lens: LensSettings = LensSettings()
@@ -231,6 +235,12 @@ class Scenario(Settings):
         """Names of the cars that run `onboard`."""
         return [name for name, car in self.cars.items() if car.equipped]
 
+    @property
+    def psids(self) -> frozenset[int]:
+        """Services in which its vehicles send."""
+        is_its = self.profile is RadioProfile.ITS_G5
+        return psid.OF_ITS_VEHICLES if is_its else psid.OF_VEHICLES
+
     def has_fault(self, what: str, car: str, at_s: float) -> bool:
         """Whether a fault is active.
 
@@ -246,8 +256,12 @@ class Scenario(Settings):
         return [fault for fault in self.faults if isinstance(fault, PowerCut)]
 
 
-def load_scenario(name: str) -> Scenario:
+def load_scenario(name: str, profile: RadioProfile | None = None) -> Scenario:
     """Read a scenario that comes with the rig, by its name, or a file, by its path.
+
+    Args:
+        name: of the scenario, or of the file.
+        profile: messages and headers of all cars, instead of the scenario's own.
 
     Raises:
         SettingsError: it does not exist or violates the schema; one line per mistake.
@@ -262,6 +276,8 @@ def load_scenario(name: str) -> Scenario:
             )
             raise SettingsError(f"{name}: no such scenario or file; {remedy}")
     scenario = load_settings(path, Scenario)
+    if profile is not None:
+        scenario = scenario.model_copy(update={"profile": profile})
     mistakes = [f"{path}: {mistake}" for mistake in _mistakes(scenario)]
     if mistakes:
         raise SettingsError("\n".join(mistakes))
@@ -286,6 +302,11 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
     if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
         yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
     yield from _mistakes_of_faults(scenario)
+    if scenario.profile is RadioProfile.ITS_G5:
+        if scenario.signal is not None:
+            yield "signal: its road-side unit sends SAE J2735 (given profile its-g5); allowed: wave"
+        if any(isinstance(fault, Attack) for fault in scenario.faults):
+            yield "faults: attackers send WSMs (given profile its-g5); allowed: wave"
 
 
 def _mistakes_of_faults(scenario: Scenario) -> Iterator[str]:

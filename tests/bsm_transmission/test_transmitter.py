@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from typing_extensions import override
 
-from onboard.bsm_transmission.transmitter import ALL_WHEELS, BsmTransmitter
+from onboard.bsm_transmission.transmitter import BsmTransmitter
 from onboard.kinematics.units import KM_H
 from onboard.messages import bsm
-from onboard.messages.bsm_core import CoreData, VehicleSize, WheelBrakes
+from onboard.messages.bsm_core import ALL_WHEELS, CoreData, VehicleSize, WheelBrakes
 from onboard.messages.bsm_safety import ExteriorLights, VehicleEventFlags
 from onboard.observations import (
     BrakeCause,

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 from onboard.security import ieee1609dot2
 from onboard.tools.cli import app
 from onboard.tools.decode.describe import Form, describe
-from onboard.wave_udp.capture import ETHERTYPE_GEONETWORKING, LINKTYPE_ETHERNET
+from onboard.wave_udp.capture import LINKTYPE_ETHERNET
+from onboard.wave_udp.wsmp import ETHERTYPE_GEONETWORKING
 from tests.wave_udp.test_capture import needs_tshark, tshark
 
 COMMON = bytes.fromhex(

@@ -13,7 +13,7 @@ from onboard.security.ieee1609dot2 import (
     encode_unsecured,
     signer_in,
 )
-from onboard.vehicle.wave_link import bsm_sender
+from onboard.vehicle.framing import bsm_sender
 from onboard.wave_udp import psid
 from onboard.wave_udp.receive_queue import (
     KEEP_ALL_BELOW,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from onboard.vehicle.wave_link import bsm_sender
+from onboard.vehicle.framing import bsm_sender
 from onboard.wave_udp import psid
 from onboard.wave_udp.receive_queue import NO_KEYS, ReceiveQueue
 from onboard.wave_udp.receive_turns import RADIO_TURN_S, UNKNOWN_SIGNERS_SHARE, ReceiveTurns

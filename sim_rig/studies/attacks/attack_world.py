@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import bsm, sdsm
+from onboard.messages import sdsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
@@ -37,9 +37,11 @@ from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 from onboard.tracking.evidence import Measurement, MeasurementId
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.framing import RadioFraming, WaveFraming
+from onboard.vehicle.its_g5_framing import ItsG5Framing
+from onboard.vehicle.message_set import ItsMessages, J2735Messages, MessageSet
 from onboard.vehicle.stack import Stack
-from onboard.wave_udp import psid, wsmp
-from onboard.wave_udp.wsmp import WaveShortMessage
+from onboard.wave_udp import psid
 
 ORIGIN = LocalFrame(48.1, 11.5)
 SPEED_M_S = 14.0
@@ -72,14 +74,26 @@ def claimed_id(alarm: Alarm) -> str:
 class Signer:
     """A radio with a certificate, whose BSMs may be true or not."""
 
-    def __init__(self, keys: Credentials, utc_s: float, temporary_id: bytes = b"evil") -> None:
+    def __init__(
+        self,
+        keys: Credentials,
+        utc_s: float,
+        temporary_id: bytes = b"evil",
+        *,
+        its_g5: bool = False,
+    ) -> None:
         """Start at time 0, which is `utc_s`.
 
         Args:
             keys: the certificate, and those that it trusts.
             utc_s: seconds since 1970.
             temporary_id: of its BSMs.
+            its_g5: whether it sends CAMs instead.
         """
+        self._messages: MessageSet = ItsMessages() if its_g5 else J2735Messages()
+        self._framing: RadioFraming = (
+            ItsG5Framing(psid.LCCA, lambda _now: None) if its_g5 else WaveFraming()
+        )
         self.temporary_id = temporary_id
         self._utc_s = utc_s
         self._security = SecurityServices(utc_s, keys)
@@ -96,7 +110,7 @@ class Signer:
         acceleration_m_s2: float | None = None,
         footer: bytes | None = None,
     ) -> bytes:
-        """Return a signed BSM in a WSM.
+        """Return a signed BSM in a WSM, or its CAM in a packet.
 
         Args:
             place_m: that it claims.
@@ -122,8 +136,10 @@ class Signer:
             acceleration=AccelerationSet(longitudinal_m_s2=acceleration_m_s2),
         )
         safety = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING) if brakes else None
-        payload = bsm.encode(BasicSafetyMessage(core, safety, footer=footer))
-        return self.signed(payload, psid.BSM, now)
+        message = BasicSafetyMessage(core, safety, footer=footer)
+        encoded = self._messages.encode(message, now, self._utc_s + now)
+        assert encoded is not None  # noqa: S101 (each profile has it)
+        return self.signed(encoded.data, encoded.service, now)
 
     def footer(self, number: int, place_m: Place, now: float) -> bytes:
         """Return a footer with a vehicle without radio, as if measured now."""
@@ -152,16 +168,21 @@ class Signer:
         return self.signed(sdsm.encode(message), psid.SENSOR_SHARING, now)
 
     def signed(self, payload: bytes, service: int, now: float) -> bytes:
-        """Return a payload signed, in a WSM."""
-        secured = self._security.secure(payload, service, now)
-        return wsmp.encode(WaveShortMessage(service, secured))
+        """Return a payload signed, in a frame."""
+        signed_part = self._framing.signed_part(payload, service, 0, now, self._utc_s + now)
+        return self._framing.frame(service, self._security.secure(signed_part, service, now))
 
 
-def pseudonyms_of(keys: Credentials, insider: int, utc_s: float) -> list[Signer]:
+def pseudonyms_of(
+    keys: Credentials, insider: int, utc_s: float, *, its_g5: bool = False
+) -> list[Signer]:
     """Return a radio for each pseudonym of an insider."""
     return [
         Signer(
-            replace(keys, pseudonyms=(each,)), utc_s, bytes((0xD0 + insider,)) + bytes((0, 0, n))
+            replace(keys, pseudonyms=(each,)),
+            utc_s,
+            bytes((0xD0 + insider,)) + bytes((0, 0, n)),
+            its_g5=its_g5,
         )
         for n, each in enumerate(keys.pseudonyms)
     ]

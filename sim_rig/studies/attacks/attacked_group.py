@@ -33,8 +33,8 @@ from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.framing import bsm_sender
 from onboard.vehicle.stack import Stack
-from onboard.vehicle.wave_link import bsm_sender
 from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
 

@@ -101,6 +101,7 @@ class AttackKind(StrEnum):
     BRAKE_DETECTOR = "brake requests by BSMs from the place of what a detector sees"
     BRAKE_FOOTER = "brake requests by footers about what a detector sees"
     CERTIFICATES = "certificates that are made up, by outsiders"
+    CAM = "crossing vehicle, by CAM"
 
 
 Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]
@@ -124,15 +125,25 @@ def run_host(
     new_key = key_from(np.random.default_rng(seed))
     several = PSEUDONYMS if attack in VEHICLES_UNDER_EACH else 1
     services = psid.OF_VEHICLES if checks else psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS
-    trial = make_trial(["host", *names], services, START_UTC_S, new_key, pseudonyms=several)
-    host = AttackedHost(trial["host"], START_UTC_S, checks=checks)
+    by_its_g5 = attack in BY_ITS_G5
+    trial = make_trial(
+        ["host", *names],
+        psid.OF_ITS_VEHICLES if by_its_g5 else services,
+        START_UTC_S,
+        new_key,
+        pseudonyms=several,
+    )
+    radio = ITS_G5 if by_its_g5 else None
+    host = AttackedHost(trial["host"], START_UTC_S, checks=checks, radio=radio)
     host.signals = "left" if attack is AttackKind.BLIND_SPOT else None
+    pseudonyms = partial(pseudonyms_of, utc_s=START_UTC_S, its_g5=by_its_g5)
     senders = [
-        partial(_by_turns, attack, host, pseudonyms_of(trial[name], n, START_UTC_S), n)
+        partial(_by_turns, attack, host, pseudonyms(trial[name], n), n)
         for n, name in enumerate(names[:insiders])
     ]
     true = [
-        Signer(trial[name], START_UTC_S, _true_id(n)) for n, name in enumerate(names[insiders:])
+        Signer(trial[name], START_UTC_S, _true_id(n), its_g5=by_its_g5)
+        for n, name in enumerate(names[insiders:])
     ]
     host.drive(seconds, *senders, partial(_true_vehicles, host, true))
     true_ids = {each.temporary_id.hex() for each in true}
@@ -299,8 +310,13 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.BLIND_SPOT: in_the_blind_spot,
     AttackKind.SDSM: crossing_sdsm,
     AttackKind.SIGNALS: red_lights,
+    AttackKind.CAM: crossing_bsm,
 }
 """The messages of each attack by BSMs."""
+BY_ITS_G5 = frozenset({AttackKind.CAM})
+"""Attacks in which all radios have ITS-G5."""
+ITS_G5 = {"endpoint": "raw", "interface": "air", "profile": "its-g5"}
+"""Radio settings of the host then."""
 VEHICLES_UNDER_EACH = {AttackKind.TURNS: 1, AttackKind.PSEUDONYMS: 3}
 """How many crossing vehicles each pseudonym claims, one after the other."""
 FORGERIES = {

@@ -22,7 +22,8 @@ from onboard.security.oer import choice, sequence
 from onboard.security.p256 import key_from
 from onboard.security.security_services import SecurityServices
 from onboard.tools.test_ca.authority import make_issuing, make_pseudonyms, make_root
-from onboard.vehicle.wave_link import WaveLink, bsm_sender
+from onboard.vehicle.framing import bsm_sender
+from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.wsmp import WaveShortMessage

@@ -1,0 +1,9 @@
+"""Ports of BTP (TS 103 248), by the ITS-AID under which a message is signed (TS 102 965)."""
+
+from onboard.wave_udp import psid
+
+LCCA = 0xC000 + 0x20
+"""Of LCCA messages, an own choice among the ports that are not registered."""
+
+OF_SERVICES = {psid.CAM: 2001, psid.DENM: 2002}
+"""Those of the standards."""
