@@ -117,6 +117,12 @@ class Daemon:
             self._sinks.open_files(self.config.trace, exits)
             self.save_driver()  # before driving, so that a file that cannot be written is reported
             await self._wires.open(self._candidate_ids, exits)
+            await self._sinks.open_interface(
+                self.config.interface,
+                self._take_brake_button,
+                self._wires.take_object_list,
+                exits,
+            )
             await self._sinks.open_page(self.config, self._stack, self._take_brake_button, exits)
             self._plan_step()  # the vehicle is not deaf while the camera opens
             await self._wires.open_camera()

@@ -1,4 +1,4 @@
-"""The output sinks of the daemon, which no core reads: journal, trace, capture, driver's page."""
+"""The output sinks of the daemon, which no core reads: journal, files, page, live interface."""
 
 import contextlib
 import time
@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import structlog
 
+from onboard.interface.event_server import EventServer
+from onboard.interface.settings import InterfaceSettings
+from onboard.recorder.build import present_build
 from onboard.recorder.records import RecorderState
 from onboard.replay.tap import Tap
 from onboard.trace.file_failure import FileFailure, FileUse
@@ -40,13 +43,14 @@ LOGGED_KINDS = frozenset(
 
 
 class OutputSinks:
-    """The output sinks of one vehicle: the journal and, if configured, files and page."""
+    """The output sinks of one vehicle: the journal and, if configured, the others."""
 
     def __init__(self) -> None:
         """Start with the journal only."""
         self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._page: DriverPage | None = None
+        self._interface: EventServer | None = None
         self._before_page: list[Event] = []
         """What the page is to show of the time before it is open."""
 
@@ -101,6 +105,31 @@ class OutputSinks:
         for event in self._before_page:
             self._page.receive_event(event)
 
+    async def open_interface(
+        self,
+        settings: InterfaceSettings | None,
+        on_brake: Callable[[None], None],
+        on_object_list: Callable[[bytes], None],
+        edges: contextlib.AsyncExitStack,
+    ) -> None:
+        """Serve events to other programs, if that is configured, until `edges` are closed.
+
+        Args:
+            settings: port, and what the programs may send.
+            on_brake: called when one of them presses the brake button.
+            on_object_list: called with what one of them detects.
+            edges: closes the server.
+
+        Raises:
+            UserError: its port cannot be opened.
+        """
+        if settings is not None:
+            build = present_build().name
+            server = EventServer(settings, build, lambda: on_brake(None), on_object_list)
+            await server.start()
+            edges.push_async_callback(server.close)
+            self._interface = server
+
     def show(self, event: Event) -> None:
         """Show and write an event that no step has put out."""
         if self._page is not None:
@@ -119,10 +148,15 @@ class OutputSinks:
             self._write(event)
 
     def _write(self, event: Event) -> None:
-        """Write an event to trace and journal."""
-        if self._trace is not None:
+        """Write an event to trace, live interface and journal."""
+        is_read = self._interface is not None and self._interface.wants(event.kind)
+        if self._trace is not None or is_read:
             record = as_trace_record(event) | {"traced_s": time.monotonic()}
-            self._trace.write(as_json(record).encode() + b"\n")
+            line = as_json(record).encode() + b"\n"
+            if self._trace is not None:
+                self._trace.write(line)
+            if self._interface is not None and is_read:
+                self._interface.publish(event.kind, line)
         if event.kind in LOGGED_KINDS:
             is_fault = isinstance(event, RecorderState) and not event.is_recording
             report = log.error if is_fault else log.info

@@ -67,6 +67,8 @@ class Wires:
         self.tell_camera: Callable[[Curvature | None], None] = _nowhere
         """Tells the camera the curvature of the vehicle's path."""
         self._camera: CameraProcess | RecordedCamera | None = None
+        self.take_object_list = self._reading(ObjectListReader())
+        """Takes what the detector detects."""
         self._send_can: Callable[[CanFrame], None] = _nowhere
         self._send_wsm: Callable[[bytes, int], None] = _nowhere
 
@@ -169,8 +171,8 @@ class Wires:
 
     async def _open_detector(self, exits: contextlib.AsyncExitStack) -> None:
         if self._config.detector is not None:
-            take_data = self._reading(ObjectListReader())
-            exits.callback((await open_detector(self._config.detector, take_data)).close)
+            detector = await open_detector(self._config.detector, self.take_object_list)
+            exits.callback(detector.close)
 
     def _reading(self, reader: GpsdReader | ObjectListReader) -> Callable[[bytes], None]:
         """Return a function that has bytes read by `reader` in the next step."""

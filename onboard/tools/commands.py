@@ -53,6 +53,11 @@ COMMANDS = {
         "export",
         "Export a recording's radio and CAN frames, for other tools.",
     ),
+    "schema": Command(
+        "onboard.tools.schema_cli",
+        "schema",
+        "Print the JSON schema of the trace's lines, which the live interface sends, too.",
+    ),
     "decode": Command(
         "onboard.tools.decode.cli",
         "decode",

@@ -35,6 +35,12 @@ def as_trace_record(event: Event) -> dict[str, Any]:
     return record
 
 
+def traced_fields(event_type: type) -> tuple[str, ...]:
+    """Return the names of the fields that a trace has of an event, beside its kind."""
+    untraced = _untraced(event_type)
+    return tuple(each.name for each in fields(event_type) if each.name not in untraced)
+
+
 @cache
 def _untraced(event_type: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(event_type) if not each.metadata.get("traced", True))

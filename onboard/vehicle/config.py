@@ -13,6 +13,7 @@ from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.hmi.settings import HmiSettings
+from onboard.interface.settings import InterfaceSettings
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings, SharedIn
 from onboard.obd.settings import DEFAULT_CHANNEL, CanSettings, ObdSettings
@@ -117,6 +118,8 @@ class CarConfig(Settings):
     sensor_timeouts: SensorTimeoutSettings = SensorTimeoutSettings()
     hmi: HmiSettings | None = None
     """The driver's page and `/metrics`; nothing is served if it is left out."""
+    interface: InterfaceSettings | None = None
+    """Events for other programs on this computer, and what they may send."""
     trace: TraceSettings = TraceSettings()
     recorder: RecorderSettings | None = None
 
@@ -159,6 +162,16 @@ class CarConfig(Settings):
                 " a second bus, with another name"
             )
         return brake_request
+
+    @field_validator("interface")
+    @classmethod
+    def _has_the_detector_of_its_lists(
+        cls, interface: InterfaceSettings | None, info: ValidationInfo
+    ) -> InterfaceSettings | None:
+        accepts = () if interface is None else interface.accepts
+        if "object_list" in accepts and info.data.get("detector") is None:
+            raise ValueError("accepts object_list: requires the section `detector`")
+        return interface
 
     def sensors(self) -> frozenset[Sensor]:
         """Return the configured sensors, with the radio."""

@@ -21,6 +21,7 @@ EDGES = frozenset({
     "gnss/gnss_log.py", "gnss/gpsd.py",
     "hmi/access_check.py", "hmi/connection_limiter.py", "hmi/feed.py", "hmi/page_files.py",
     "hmi/page_server.py", "hmi/recording_files.py",
+    "interface/event_server.py", "interface/event_stream.py",
     "obd/can_bus.py", "obd/can_log.py", "obd/dbc_file.py", "obd/socketcand.py",
     "recorder/black_box.py", "recorder/build.py", "recorder/reader.py", "recorder/repair.py",
     "recorder/retention.py", "recorder/segment.py", "recorder/segments.py",

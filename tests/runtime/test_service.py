@@ -1,5 +1,6 @@
 """The daemon as a service: notifications to systemd, and new configurations."""
 
+import json
 import signal
 import socket
 import subprocess
@@ -179,3 +180,28 @@ def test_an_abstract_socket_is_notified() -> None:
         name = abstract.getsockname().decode()
         Systemd({"NOTIFY_SOCKET": "@" + name[1:]}).stopping()
         assert abstract.recv(64) == b"STOPPING=1"
+
+
+def test_a_program_gets_the_events_of_the_daemon(tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    config = tmp_path / "car.yaml"
+    config.write_text(
+        f"car: {{plate: OLD1}}\ninterface: {{port: {port}, accepts: [brake_button]}}\n"
+    )
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "onboard", "run", str(config)], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert daemon.stderr is not None
+        while "interface" not in daemon.stderr.readline():
+            assert daemon.poll() is None
+        with socket.create_connection(("127.0.0.1", port), timeout=20.0) as program:
+            program.sendall(b'{"kind": "brake_button"}\n')
+            kinds = (json.loads(line)["kind"] for line in program.makefile())
+            assert next(kinds) == "interface"
+            assert "hard_brake" in kinds
+    finally:
+        daemon.terminate()
+        daemon.communicate(timeout=20)

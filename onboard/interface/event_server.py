@@ -1,0 +1,139 @@
+"""The edge: a TCP server on 127.0.0.1 whose clients get events, and send requests, line by line."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable
+
+import structlog
+
+from onboard.errors import DecodeError, UserError
+from onboard.interface.event_stream import EventReader, EventStream
+from onboard.interface.requests import BrakeButtonPress, ObjectList, Subscribe, read_request
+from onboard.interface.settings import InterfaceSettings
+
+log = structlog.get_logger()
+
+VERSION = 1
+"""Of the lines, in the first one that each client gets; raised when a client must change."""
+HOST = "127.0.0.1"
+MOST_CLIENTS = 32
+MOST_REFUSED = 16
+"""Lines of one client that are refused before it is disconnected."""
+MOST_LINE_BYTES = 1 << 16
+_SENT_BYTES = 1 << 16
+"""That wait in a socket before its client counts as slow."""
+
+
+class EventServer:
+    """Serves the interface of one vehicle."""
+
+    def __init__(
+        self,
+        settings: InterfaceSettings,
+        build: str,
+        on_brake: Callable[[], None],
+        on_object_list: Callable[[bytes], None],
+    ) -> None:
+        """Build the server; nothing is served yet.
+
+        Args:
+            settings: port, and what clients may send.
+            build: of the daemon, for the first line.
+            on_brake: called when a client presses the brake button.
+            on_object_list: called with a detector's list.
+        """
+        self._settings = settings
+        self._build = build
+        self._on_brake = on_brake
+        self._on_object_list = on_object_list
+        self._stream = EventStream()
+        self._clients: set[asyncio.Task[None]] = set()
+        self.wants = self._stream.wants
+        self.publish = self._stream.publish
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises:
+            UserError: the port cannot be opened.
+        """
+        port = self._settings.port
+        try:
+            self._server = await asyncio.start_server(
+                self._serve, HOST, port, limit=MOST_LINE_BYTES
+            )
+        except OSError as error:
+            raise UserError(f"interface: {HOST}:{port}: {error.strerror}") from error
+        log.info("interface", address=f"{HOST}:{port}")
+
+    async def close(self) -> None:
+        """Disconnect all clients and stop listening."""
+        self._server.close()
+        for client in self._clients:
+            client.cancel()
+        await asyncio.gather(*self._clients, return_exceptions=True)
+
+    async def _serve(self, lines: asyncio.StreamReader, client: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 (called in one)
+        if len(self._clients) >= MOST_CLIENTS:
+            client.close()
+            return
+        self._clients.add(task)
+        client.transport.set_write_buffer_limits(_SENT_BYTES)
+        reader = self._stream.open()
+        first = {"kind": "interface", "version": VERSION, "build": self._build}
+        client.write(_line(first))
+        sending = asyncio.create_task(_send(reader, client))
+        try:
+            if await self._take_requests(lines, client, reader):
+                await sending
+        except asyncio.CancelledError:
+            pass
+        finally:
+            sending.cancel()
+            self._stream.close(reader)
+            self._clients.discard(task)
+            client.close()
+
+    async def _take_requests(
+        self, lines: asyncio.StreamReader, client: asyncio.StreamWriter, reader: EventReader
+    ) -> bool:
+        """Take a client's lines until it sends no more; return whether it may go on reading."""
+        refused = 0
+        while refused < MOST_REFUSED:
+            try:
+                await asyncio.sleep(0)  # lines that have arrived together are no single step
+                line = await lines.readline()
+            except (ValueError, ConnectionError):  # longer than the limit; gone
+                return False
+            if not line:
+                return True
+            try:
+                request = read_request(line, self._settings.accepts)
+            except DecodeError as error:
+                refused += 1
+                client.write(
+                    _line({"kind": "refused", "reason": error.reason, "detail": error.detail})
+                )
+                continue
+            match request:
+                case Subscribe():
+                    reader.subscribe(request.kinds)
+                case BrakeButtonPress():
+                    self._on_brake()
+                case ObjectList():
+                    self._on_object_list(line)
+        return False
+
+
+async def _send(reader: EventReader, client: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(ConnectionError):
+        while True:
+            client.write(await reader.next())
+            await client.drain()
+
+
+def _line(record: dict[str, object]) -> bytes:
+    return json.dumps(record).encode() + b"\n"
