@@ -19,6 +19,9 @@ DENSITY_RANGE_M = 100.0
 """vPERRange: vehicles within this range are counted."""
 DENSITY_WINDOW_S = 1.0
 """vPERSubInterval: vehicles received within this time are counted."""
+FREE_RATE_1_S, FULL_RATE_1_S = 300.0, 350.0
+"""BSMs a second of all vehicles within range up to which some may send more often than by these
+rules, and from which on nobody does. By the rules alone there are 250."""
 JITTER_S = 0.005
 """vTxRand: random shift of each transmission, both ways, which desynchronises vehicles."""
 RESCHEDULE_S = 0.025
@@ -35,7 +38,9 @@ class BsmSchedule:
         """Start at a random time in the first interval: cars switched on together differ."""
         self._rng = rng
         self._in_range_until: dict[bytes, float] = {}
-        self._density = 0.0
+        self._density = self._rate_1_s = 0.0
+        self._received = 0
+        """BSMs within range since the last measurement."""
         self._measure_at = now + MINIMUM_INTERVAL_S
         self._sent_at = now
         self._send_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
@@ -48,12 +53,18 @@ class BsmSchedule:
 
     @property
     def interval_s(self) -> float:
-        """Time between two BSMs at the present density."""
+        """Time between two BSMs at the present density.
+
+        The limit that `receive_max_interval` sets gives way as vehicles with one fill the channel.
+        """
         interval_s = MINIMUM_INTERVAL_S * self._density / DENSITY_COEFFICIENT
-        return min(max(interval_s, MINIMUM_INTERVAL_S), self._max_interval_s)
+        interval_s = min(max(interval_s, MINIMUM_INTERVAL_S), MAXIMUM_INTERVAL_S)
+        full = (self._rate_1_s - FREE_RATE_1_S) / (FULL_RATE_1_S - FREE_RATE_1_S)
+        shorter_s = max(interval_s - self._max_interval_s, 0.0)
+        return interval_s - shorter_s * (1.0 - min(max(full, 0.0), 1.0))
 
     def receive_max_interval(self, max_s: float, now: float) -> None:
-        """Limit the interval at high density to `max_s`.
+        """Limit the interval at high density to `max_s`, as far as the channel has room.
 
         Raises:
             ValueError: it is not between the limits.
@@ -74,6 +85,7 @@ class BsmSchedule:
         """
         if distance_m is not None and distance_m > DENSITY_RANGE_M:
             return
+        self._received += 1
         if sender in self._in_range_until or len(self._in_range_until) < _MAX_COUNTED:
             self._in_range_until[sender] = now + DENSITY_WINDOW_S
 
@@ -96,6 +108,9 @@ class BsmSchedule:
             car: until for car, until in self._in_range_until.items() if until > now
         }
         self._density += DENSITY_WEIGHT * (len(self._in_range_until) - self._density)
+        rate_1_s = self._received / MINIMUM_INTERVAL_S
+        self._rate_1_s += DENSITY_WEIGHT * (rate_1_s - self._rate_1_s)
+        self._received = 0
         if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
             self._send_at = max(now, self._sent_at + self.interval_s)
 

@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from onboard.bsm_transmission.schedule import (
+    FULL_RATE_1_S,
     JITTER_S,
     MAXIMUM_INTERVAL_S,
     MINIMUM_INTERVAL_S,
@@ -107,3 +108,39 @@ def test_the_phase_is_another_one_when_it_begins_anew() -> None:
             schedule.handle_timer(next_at)
         phases_s.append(next_at - sent_at)
     assert np.histogram(phases_s, 4, (0.0, 0.1))[0].min() >= 30
+
+
+def bsms_a_second(cars: int, unsafe: int) -> tuple[float, float]:
+    """Return the rate of one unsafe vehicle, and of all, after they have been near for 20 s."""
+    schedules = [_schedule(seed) for seed in range(cars)]
+    for schedule in schedules[:unsafe]:
+        schedule.receive_max_interval(MINIMUM_INTERVAL_S, 0.0)
+    sent = [0] * cars
+    for step in range(3000):
+        now = 0.01 * step
+        due = []
+        for car, schedule in enumerate(schedules):
+            schedule.handle_timer(now)
+            if schedule.take_due(now):
+                due.append(car)
+                sent[car] += now >= 20.0
+        for car in due:
+            for other, schedule in enumerate(schedules):
+                if other != car:
+                    schedule.receive_remote_vehicle(car.to_bytes(4), 50.0, now)
+    return sent[0] / 10.0, sum(sent) / 10.0
+
+
+def test_one_of_many_that_is_to_send_more_often_does() -> None:
+    own, everybody = bsms_a_second(cars=75, unsafe=1)
+
+    assert own > 8.0
+    assert everybody < FULL_RATE_1_S
+
+
+def test_many_that_are_to_send_more_often_do_not_fill_the_channel() -> None:
+    """A jam of unsafe vehicles had sent 750 BSMs a second instead of 250."""
+    own, everybody = bsms_a_second(cars=75, unsafe=75)
+
+    assert everybody < 1.05 * FULL_RATE_1_S
+    assert own > everybody / 75 * 0.8
