@@ -22,9 +22,13 @@ test-long: .venv/ready system-packages ## whole drives, studies, rendered images
 	$(PYTEST) -m "long and not live and not browser"
 
 # The pages in a real browser, in real time; skipped with a word where chromium cannot be had.
-test-pages: .venv/ready ## the pages in chromium
+test-pages: .venv/ready .venv-axe/ready ## the pages in chromium
 	@sh tools/system-packages.sh chromium
-	$(PYTHON) -m pytest tests/browser
+	PYTHONPATH=.venv-axe $(PYTHON) -m pytest tests/browser
+
+.venv-axe/ready: tests/browser/axe.lock
+	$(PYTHON) -m pip install --quiet --no-deps --require-hashes --target .venv-axe -r $<
+	@touch $@
 
 # What docs/plates.md and docs/vision.md tell of the camera, measured anew and written there. Needs
 # the photographs (RIG_DATA), for the baseline Tesseract and tesserocr, and a quiet machine.
@@ -161,10 +165,11 @@ lock: ## pins all versions anew
 	$(LOCK) --extra rig --extra studies --extra sumo --extra video --extra cluster --extra dev pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
+	echo 'axe-playwright-python>=0.1.8' | $(LOCK) --no-annotate --no-deps - -o tests/browser/axe.lock
 	echo 'mutmut>=3.8' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/mutation.lock
 	printf '%s\n' 'mkdocs-material>=9.8' 'mkdocstrings[python]>=1.0' | $(LOCK) --no-annotate --constraint requirements.lock - -o tools/site.lock
 	printf '%s\n' "atheris<3.1; python_version < '3.12'" "atheris>=3.1; python_version >= '3.12'" | $(LOCK) --no-annotate - -o fuzz/requirements.lock
 	echo pip | $(LOCK) --no-annotate - -o deploy/installer.lock
 
 clean: ## removes .venv, build and out
-	rm -rf .venv .venv-fuzz .venv-mutation .venv-site build mutants out
+	rm -rf .venv .venv-fuzz .venv-mutation .venv-site .venv-axe build mutants out

@@ -14,6 +14,7 @@ from onboard.risk.eebl import EEBL
 from onboard.risk.fcw import FCW
 from onboard.risk.ima import IMA
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from tests.browser.accessibility import violations
 from tests.browser.driver_page import (
     DESKTOP,
     PHONE,
@@ -63,6 +64,22 @@ def notes(page: Page) -> list[dict[str, Any]]:
             return found
         page.wait_for_timeout(20)
     raise AssertionError("no sound of a warning")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("level", [Level.NONE, Level.CAUTION, Level.WARNING])
+def test_the_page_breaks_no_rule_of_accessibility(
+    browser: Browser, row: Row, scheme: Any, level: Level
+) -> None:
+    page = open_page(browser, row.address, color_scheme=scheme)
+    expect(page.locator("#state")).to_have_text("Member 3")
+    alarm(row, FCW, level)
+    expect(page.locator("body")).to_have_attribute("data-alarm", level)
+    expect(page.locator("body")).to_have_attribute("data-link", "live")
+
+    assert violations(page) == []
+    alarm(row, FCW, Level.NONE)
+    page.context.close()
 
 
 def test_the_page_shows_the_group_number_and_the_gap(page: Page) -> None:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from sim_rig.engineer.server import EngineerServer
 from sim_rig.run_log.run_log import Record
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario, load_scenario
+from tests.browser.accessibility import violations
 
 pytestmark = pytest.mark.browser
 
@@ -135,6 +137,15 @@ def test_the_image_is_that_of_the_shown_time(page: Page) -> None:
                 break
             page.wait_for_timeout(20)
         assert grey == pytest.approx(10 * second, abs=2)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_breaks_no_rule_of_accessibility(page: Page, scheme: Any) -> None:
+    page.emulate_media(color_scheme=scheme)
+    page.click("#earlier-warning")
+    expect(page.locator("#discarded")).to_contain_text("lcca: not_in_group")
+
+    assert violations(page) == []
 
 
 def test_discards_are_counted_by_reason_and_car(page: Page) -> None:

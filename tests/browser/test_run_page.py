@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -12,6 +13,7 @@ from sim_rig.scenario.schema import load_scenario
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.show import show_run
+from tests.browser.accessibility import violations
 from tests.sim_rig.studies.mvs.test_show import SETTINGS, WITH
 
 pytestmark = pytest.mark.browser
@@ -47,6 +49,14 @@ def test_the_page_steps_through_the_run_without_network_access(page: Page) -> No
     assert page.inner_text("#status") == first
     page.click("#play")
     assert page.inner_text("#play") == "Pause"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_breaks_no_rule_of_accessibility(page: Page, scheme: Any) -> None:
+    page.emulate_media(color_scheme=scheme)
+    page.evaluate("go(animation.frames.length - 1)")
+
+    assert violations(page) == []
 
 
 def test_playing_stops_at_the_crash_and_restarts(page: Page) -> None:
