@@ -10,6 +10,7 @@ from onboard.errors import UserError
 EXAMPLES = {
     "desk": ("desk.yaml", "desk.log"),
     "car": ("car.yaml",),
+    "lesson": ("lesson/lesson.yaml", "lesson/make_clip.py", "desk.log"),
     "red": ("box/red.yaml",),
     "foxglove-layout": ("foxglove-layout.json",),
     "ros2-bridge": ("ros2_bridge.py",),
