@@ -18,8 +18,6 @@ VERSION = 1
 """Of the lines, in the first one that each client gets; raised when a client must change."""
 HOST = "127.0.0.1"
 MOST_CLIENTS = 32
-MOST_REFUSED = 16
-"""Lines of one client that are refused before it is disconnected."""
 MOST_LINE_BYTES = 1 << 16
 _SENT_BYTES = 1 << 16
 """That wait in a socket before its client counts as slow."""
@@ -95,14 +93,17 @@ class EventServer:
             sending.cancel()
             self._stream.close(reader)
             self._clients.discard(task)
-            client.close()
+            client.transport.abort()  # what a client does not read would keep its socket
 
     async def _take_requests(
         self, lines: asyncio.StreamReader, client: asyncio.StreamWriter, reader: EventReader
     ) -> bool:
-        """Take a client's lines until it sends no more; return whether it may go on reading."""
-        refused = 0
-        while refused < MOST_REFUSED:
+        """Take a client's lines until it sends no more; return whether it may go on reading.
+
+        The first line that is refused ends it: what a web page posts to this port has HTTP's lines
+        before its own.
+        """
+        while True:
             try:
                 await asyncio.sleep(0)  # lines that have arrived together are no single step
                 line = await lines.readline()
@@ -113,11 +114,10 @@ class EventServer:
             try:
                 request = read_request(line, self._settings.accepts)
             except DecodeError as error:
-                refused += 1
                 client.write(
                     _line({"kind": "refused", "reason": error.reason, "detail": error.detail})
                 )
-                continue
+                return False
             match request:
                 case Subscribe():
                     reader.subscribe(request.kinds)
@@ -125,7 +125,6 @@ class EventServer:
                     self._on_brake()
                 case ObjectList():
                     self._on_object_list(line)
-        return False
 
 
 async def _send(reader: EventReader, client: asyncio.StreamWriter) -> None:
