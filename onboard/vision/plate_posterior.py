@@ -41,11 +41,12 @@ CERTAIN_TEXT, CERTAIN_READING, CERTAIN_READINGS = 0.9, 0.98, 1.5
 """Posterior from which a text is certain; probability of it in one reading, and how many such
 readings, faded, there must be: two, one not long ago. A plate too small to be read is misread alike
 in every frame: on rendered drives at 25 m, `SE652S0` for `SE652SD` with up to 0.97."""
-WIDE_PX, CERTAIN_WIDE_READING = 60.0, 0.95
-"""Width of a plate that is not small, and the probability that suffices in a reading of it. Of
-photographs with plates of 65 to 140 px, sharp, dark, blurred or compressed, half fitted this: from
-0.9 on, 1 in 194 certain texts was wrong. Of the other half it was 2 in 196, and 1 in 163 from 0.95
-on (`bench.plate_frames`)."""
+WIDE_PX, CERTAIN_WIDE_READING, LONGEST = 60.0, 0.92, 8
+"""Width of a plate that is not small, the probability that suffices in a reading of it, and the
+characters that it has at most: a longer text may have what is beside the plate, as `M5VCF20377` for
+`5VCF203`. Of photographs with plates of 65 and 100 px, `AVP2403` was read as `AUP2403` with 0.91
+alike. The half that did not choose this bound is certain in 81 of 119, with 0.95 in 69; with both,
+one is wrong at each width, by a wrong label (`bench.plate_frames`)."""
 MAX_CANDIDATES = 16
 """Texts that a lead carries (`Lead.candidates`)."""
 
@@ -70,6 +71,8 @@ class PlatePosterior:
         self._certain_readings: dict[str, float] = {}
         """Number of readings that alone were certain of a text, faded."""
         self._stamp_s = -math.inf
+        self.certain_text: str | None = None
+        """The text that the plate certainly bears; `None` while there is none."""
 
     def update(
         self, candidates: Sequence[PlateCandidate], stamp_s: float, width_px: float = 0.0
@@ -97,16 +100,18 @@ class PlatePosterior:
                 self._spellings[text] = max(spelling, self._spellings.get(text, spelling))
         remainder = max(MIN_REMAINDER, 1.0 - sum(probabilities.values()))
         floor = FLOOR * remainder
-        certain_from = CERTAIN_WIDE_READING if width_px >= WIDE_PX else CERTAIN_READING
+        is_wide = width_px >= WIDE_PX
         self._readings += 1.0
         self._others += math.log(remainder / floor)
         for text, probability in probabilities.items():
             likelihood_ratio = max(probability / floor, 1.0)
             self._evidence[text] = self._evidence.get(text, 0.0) + math.log(likelihood_ratio)
-            if probability >= certain_from:
+            is_whole = is_wide and len(text) <= LONGEST
+            if probability >= (CERTAIN_WIDE_READING if is_whole else CERTAIN_READING):
                 self._certain_readings[text] = self._certain_readings.get(text, 0.0) + 1.0
         if len(self._evidence) > POOL:
             self._keep(sorted(self._evidence, key=lambda text: -self._evidence[text])[:POOL])
+        self.certain_text = self._certainly_borne()
 
     def candidates(self, limit: int = MAX_CANDIDATES) -> tuple[PlateCandidate, ...]:
         """The likeliest texts with their posterior, the likeliest first, at most `limit`."""
@@ -124,20 +129,18 @@ class PlatePosterior:
             PlateCandidate(self._spellings[text][1], weights[text] / total) for text in order
         )
 
-    @property
-    def certain_text(self) -> str | None:
-        """The text that the plate certainly bears; `None` while there is none."""
-        likeliest = next(iter(self.candidates(1)), None)
-        if likeliest is None or likeliest.probability < CERTAIN_TEXT:
-            return None
-        certain = self._certain_readings.get(folded(likeliest.text), 0.0)
-        return likeliest.text if certain >= CERTAIN_READINGS else None
-
     def probability(self, text: str) -> float:
         """Posterior of one text; 1 without readings."""
         texts = self.candidates(POOL)
         same = (each.probability for each in texts if folded(each.text) == folded(text))
         return next(same, 0.0) if texts else 1.0
+
+    def _certainly_borne(self) -> str | None:
+        likeliest = next(iter(self.candidates(1)), None)
+        if likeliest is None or likeliest.probability < CERTAIN_TEXT:
+            return None
+        certain = self._certain_readings.get(folded(likeliest.text), 0.0)
+        return likeliest.text if certain >= CERTAIN_READINGS else None
 
     def _fade(self, stamp_s: float) -> None:
         keep = math.exp(min(0.0, self._stamp_s - stamp_s) / FADE_S)
