@@ -21,8 +21,12 @@ from onboard.vision.vehicle_detector import VehicleBoxDetector
 from sim_rig.rendering.plate_art import EU, draw_plate
 from sim_rig.rendering.scene import opaque, warp_onto
 from tests.typed import a
-from tests.vision.drive import CAMERA
-from tests.vision.onnx_by_hand import write_red_square_detector, write_yolox_like
+from tests.vision.drive import CAMERA, observe
+from tests.vision.onnx_by_hand import (
+    write_answers,
+    write_red_square_detector,
+    write_yolox_like,
+)
 
 
 def model(tmp_path: Path, **changes: Any) -> VehicleModelSettings:
@@ -103,6 +107,20 @@ def test_rows_that_are_no_numbers_are_left_out(tmp_path: Path) -> None:
     found = BoxModel(settings, "vision.vehicle_model").find(np.zeros((64, 64, 3), np.uint8))
 
     assert found == []
+
+
+@pytest.mark.parametrize(
+    "box", [(32, 32, 1e30, 1e30), (1e30, -1e30, 9, 9), (32, 32, -20, -20), (32, 32, 0, 0)]
+)
+def test_boxes_that_no_picture_has_end_no_drive(tmp_path: Path, box: tuple[float, ...]) -> None:
+    rows = np.tile(np.asarray([*box, 0.9], np.float32), (1, 7, 1))
+    write_answers(tmp_path / "boxes.onnx", {"found": rows}, [1, 3, 64, 64])
+    settings = model(tmp_path, file=tmp_path / "boxes.onnx")
+    perception = load_perception(CAMERA, VisionSettings(plates=False, vehicle_model=settings))
+    rng = np.random.default_rng(1)
+    drive = ((n / 10, rng.integers(0, 255, (540, 960, 3), np.uint8)) for n in range(5))
+
+    assert [lead.gap_m for lead in observe(perception, drive).leads] == [None] * 5
 
 
 def test_a_truncated_model_is_an_error(tmp_path: Path) -> None:

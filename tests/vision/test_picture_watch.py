@@ -102,6 +102,16 @@ def approached(focus_px: tuple[float, float]) -> Iterator[tuple[float, Image]]:
         yield second + 0.1, np.asarray(cv2.warpAffine(image, growth, SIZE), np.uint8)
 
 
+def test_a_camera_that_changes_its_size_between_two_pictures_is_not_impaired() -> None:
+    focus_px = Perspective(LENS).project(RoadPosition(1e6, 0.0, 0.0))
+    drive = (
+        (stamp_s, image if stamp_s.is_integer() else image[::2, ::2])
+        for stamp_s, image in approached(focus_px)
+    )
+
+    assert watched(drive, mounted(LENS, 0.0, 0.0)) == ([], 0.0)
+
+
 def of_clip(rig_data: Path, clip: str, disturb: Disturbance) -> tuple[list[SensorImpaired], float]:
     """The same of a clip at some 15 pictures a second."""
     video = VideoFile(str(rig_data / "clips" / f"{clip}.mp4"), None)
