@@ -101,7 +101,7 @@ class Signer:
 
     def bsm_at(
         self,
-        place_m: Place,
+        place_m: Place | None,
         velocity_m_s: tuple[float, float],
         now: float,
         *,
@@ -113,7 +113,7 @@ class Signer:
         """Return a signed BSM in a WSM, or its CAM in a packet.
 
         Args:
-            place_m: that it claims.
+            place_m: that it claims; `None` for none.
             velocity_m_s: east and north, that it claims.
             now: the time.
             temporary_id: another one than the own.
@@ -122,7 +122,7 @@ class Signer:
             footer: of MVS.
         """
         self._sent += 1
-        latitude_deg, longitude_deg = placed(*place_m)
+        latitude_deg, longitude_deg = (None, None) if place_m is None else placed(*place_m)
         core = CoreData(
             self._sent % 128,
             temporary_id or self.temporary_id,
@@ -130,7 +130,7 @@ class Signer:
             latitude_deg,
             longitude_deg,
             None,
-            PositionalAccuracy(0.5, 0.5),
+            PositionalAccuracy(*(() if place_m is None else (0.5, 0.5))),
             speed_m_s=math.hypot(*velocity_m_s),
             heading_rad=math.atan2(*velocity_m_s) % math.tau,
             acceleration=AccelerationSet(longitudinal_m_s2=acceleration_m_s2),

@@ -13,6 +13,7 @@ from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
+from sim_rig.studies.attacks import brakings_ahead
 from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import (
     PSEUDONYMS,
@@ -73,6 +74,12 @@ class AttackKind(StrEnum):
     FOUR = "four crossing vehicles at once"
     BRAKING = "vehicle ahead that brakes hard"
     BLIND_SPOT = "vehicle in the blind spot of a driver who signals"
+    FAR_BRAKING = "vehicle far ahead that brakes hard"
+    UNPLACED_BRAKING = "vehicle that brakes hard, without a place"
+    REPLAYED_BRAKING = "vehicle far ahead that braked hard a minute ago"
+    OTHER_CARRIAGEWAY = "none, brakings on the other carriageway"
+    BRIDGE = "none, brakings on a bridge ahead"
+    TOWED = "none, brakings of a towed vehicle ahead"
     TURNS = "crossing vehicles, under 20 pseudonyms by turns"
     PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
@@ -306,6 +313,12 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.FLICKERING: flickering,
     AttackKind.FOUR: four_at_once,
     AttackKind.BRAKING: braking_ahead,
+    AttackKind.FAR_BRAKING: brakings_ahead.far_ahead,
+    AttackKind.UNPLACED_BRAKING: brakings_ahead.without_a_place,
+    AttackKind.REPLAYED_BRAKING: brakings_ahead.replayed,
+    AttackKind.OTHER_CARRIAGEWAY: brakings_ahead.other_carriageway,
+    AttackKind.BRIDGE: brakings_ahead.on_a_bridge,
+    AttackKind.TOWED: brakings_ahead.towed,
     AttackKind.SAME_ID: same_id,
     AttackKind.BLIND_SPOT: in_the_blind_spot,
     AttackKind.SDSM: crossing_sdsm,

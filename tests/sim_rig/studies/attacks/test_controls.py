@@ -17,6 +17,9 @@ from onboard.messages import lcca
 from onboard.messages.lcca import LccaMessage, Warn
 from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
+from onboard.risk import braking_ahead
+from onboard.risk.stream_motion import StreamMotion
+from onboard.security.security_services import SecurityServices
 from onboard.vehicle.lcca_link import LccaLink
 from onboard.vehicle.risk_response import RiskResponse
 from sim_rig.studies.attacks.attack_counts import AttackCounts
@@ -107,6 +110,14 @@ UNIQUE: Check = (MisbehaviourDetector, "is_id_unique", _always)
 BY_TEXT: Check = (identity_posterior, "READ", 2.0)
 IN_ROW: Check = (identity_posterior, "IN_ROW", 0.0)
 SILENCE: Check = (identification, "KEEPS_BACK", 2.0)
+ANY_MOTION: Check = (StreamMotion, "log_ratio", lambda _self, _name: 5.0)
+ANY_PLACE: Check = (braking_ahead, "place_odds", lambda _name, _situation: 10.0)
+ANY_SPEED: Check = (MisbehaviourDetector, "receive_bsm", lambda _self, *_: None)
+ANY_TIME: Check = (
+    SecurityServices,
+    "_check_time",
+    lambda _self, message, *_: message.generation_time64,
+)
 OWN_SENSORS: Check = (RiskResponse, "_request_braking", _by_all)
 
 CONTROLS: dict[AttackKind, Control] = {
@@ -129,6 +140,11 @@ CONTROLS: dict[AttackKind, Control] = {
     AttackKind.SAME_ID: Control(
         ((MisbehaviourDetector, "remote_id", lambda _self, _sender, name: name),), _missed
     ),
+    AttackKind.UNPLACED_BRAKING: Control((ANY_MOTION,), _false),
+    AttackKind.REPLAYED_BRAKING: Control((ANY_TIME,), _false),
+    AttackKind.OTHER_CARRIAGEWAY: Control((ANY_PLACE,), _false),
+    AttackKind.BRIDGE: Control((ANY_PLACE,), _false),
+    AttackKind.TOWED: Control((ANY_PLACE, ANY_SPEED), _false),
     AttackKind.BRAKE_CAMERA: Control((OWN_SENSORS,), _false),
     AttackKind.BRAKE_BOTH: Control((OWN_SENSORS,), _false),
     AttackKind.BRAKE_DETECTOR: Control((OWN_SENSORS,), _false),
