@@ -34,7 +34,7 @@ FARTHEST_M = 300.0
 LANE_M, IN_LANE_M = 3.5, 0.4
 """Width of a lane; sigma of the difference of two vehicles' places in one."""
 ANYWHERE_1_M = 0.01
-"""Density of the places beside the road, in gaps and other errors of maps."""
+"""Density of all other places, such as beside the road, and of gross errors of positions."""
 FRESH_S = 1.0
 """Age from which the speed in a BSM is none."""
 
