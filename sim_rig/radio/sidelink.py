@@ -10,8 +10,8 @@ the rest one of the quietest fifth.
 
 A station that sends receives nothing in that subframe. A message is decoded by its power over noise
 and the powers of all others in its subchannels, with the block error rates of 3GPP R1-160284 (190
-bytes, QPSK 0.7, 280 km/h). Not modelled: emissions into other subchannels, congestion control, and
-repetitions.
+bytes, QPSK 0.5 or 0.7, 280 km/h). Not modelled: emissions into other subchannels, congestion
+control, repetitions, and shadowing that lasts.
 """
 
 import heapq
@@ -46,15 +46,20 @@ _LEAST_USES, _MOST_USES = 5, 15
 _THRESHOLD_STEP_DB = 3.0
 _THERMAL_DBM = -104.0
 """Of 10 MHz, in which 50 resource blocks lie."""
-_BLOCKS, _BLOCKS_OF_SUBCHANNEL = 50, 10
-_SINR_DB = (-3.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 20.0, 20.1)
-_ERROR_RATES = (1.0, 1.0, 0.9, 0.7, 0.4, 0.13, 0.045, 0.017, 7e-3, 1e-3, 1e-3, 1e-4)
+_BLOCKS = 50
+_BLOCKS_OF_MESSAGE = {0.5: 12, 0.7: 10}
+"""Resource blocks that 190 bytes have in QPSK, by code rate."""
+_SINR_DB = (-2.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 20.0, 20.1)
+_ERROR_RATES = {
+    0.5: (1.0, 0.9, 0.7, 0.3, 0.09, 0.02, 2e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-4),
+    0.7: (1.0, 1.0, 0.9, 0.7, 0.4, 0.13, 0.045, 0.017, 7e-3, 1e-3, 1e-3, 1e-4),
+}
 _LONG_AGO = -(10**9)
 
 
-def error_rate(sinr_db: Array) -> Array:
-    """Return block error rates by SINR."""
-    rates: Array = np.interp(sinr_db, _SINR_DB, _ERROR_RATES)
+def error_rate(sinr_db: Array, code_rate: float = 0.7) -> Array:
+    """Return block error rates by SINR, for a code rate of 0.5 or 0.7."""
+    rates: Array = np.interp(sinr_db, _SINR_DB, _ERROR_RATES[code_rate])
     return rates
 
 
@@ -104,7 +109,7 @@ class SidelinkChannel:
         self._links = Links(settings, np.full((stations, 2), math.nan))
         self._sensitivity_mw = from_db(settings.sensitivity_dbm)
         self._noise_mw = from_db(_THERMAL_DBM + settings.noise_figure_db) * (
-            _BLOCKS_OF_SUBCHANNEL / _BLOCKS
+            _BLOCKS_OF_MESSAGE[settings.code_rate] / _BLOCKS
         )
         """In one subchannel."""
         subchannels = settings.subchannels
@@ -238,7 +243,7 @@ class SidelinkChannel:
             sinr = power_mw / (self._noise_mw * each.width + np.maximum(others_mw, 0.0))
             is_strong = power_mw >= self._sensitivity_mw
             is_strong[senders] = False
-            errors = error_rate(10.0 * np.log10(np.maximum(sinr, 1e-9)))
+            errors = error_rate(10.0 * np.log10(np.maximum(sinr, 1e-9)), self._settings.code_rate)
             decoded = is_strong & (self._rng.random(len(errors)) >= errors)
             if each.reserves:
                 # What announces the reservation is decoded where it is the strongest.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from onboard.settings import Settings
 from sim_rig.propagation.path_loss import DualSlope, PathLoss
@@ -94,6 +94,8 @@ class SidelinkSettings(LinkSettings):
     """C-V2X."""
     subchannels: int = Field(default=4, ge=1, le=10)
     """Number of subchannels in 10 MHz."""
+    code_rate: float = Field(default=0.7, ge=0.5, le=0.7)
+    """Of QPSK: 0.5 or 0.7; with 2 subchannels, 190 bytes fit into one at 0.5."""
     subchannel_bytes: int = Field(default=190, ge=20, le=1000)
     """That one subchannel carries in a subframe of 1 ms; a message has as many as it needs. One
     that is larger than all of them has all, as if the rate were higher at the same errors."""
@@ -105,6 +107,13 @@ class SidelinkSettings(LinkSettings):
     """Standard deviation of lognormal shadowing, drawn for each message and receiver."""
     event_window_ms: int = Field(default=20, ge=20, le=100)
     """In which a single message is sent; a periodic one has 100 ms."""
+
+    @field_validator("code_rate")
+    @classmethod
+    def _has_published_errors(cls, code_rate: float) -> float:
+        if code_rate not in {0.5, 0.7}:
+            raise ValueError("must be 0.5 or 0.7, whose block error rates are published")
+        return code_rate
 
 
 def _model_of(value: Any) -> str:
