@@ -120,6 +120,7 @@ class Perception:
         tracks = self._tracker.tracks
         self._lead = lead = self._lead_selector.select(tracks, stamp_s)
         self._track_report.picture_sigma = self._picture_watch.range_sigma
+        self._track_report.bearing_sigma_rad = self._picture_watch.bearing_sigma_rad
         self._events += self._track_report.plates(pairs, lead, stamp_s)
         self._events += self._track_report.vehicle_detections(tracks, stamp_s)
         may_be_free = lead is None and not self._lead_selector.has_candidate(tracks, stamp_s)

@@ -74,6 +74,13 @@ class PictureWatch:
         """Relative sigma of ranges by what impairs the picture, now or for longer."""
         return max((RANGE_SIGMA[each] for each in self._present | self._momentary), default=0.0)
 
+    @property
+    def bearing_sigma_rad(self) -> float:
+        """Sigma of all bearings: the angle by which the camera is turned to a side."""
+        if Impairment.TURNED not in self._present:
+            return 0.0
+        return abs(float(np.median(self._turns, axis=0)[0]))
+
     def receive_frame(
         self, frame: AdmittedFrame, vehicles: Sequence[ImageBox]
     ) -> list[SensorImpaired]:
@@ -111,8 +118,11 @@ class PictureWatch:
         vehicles: Sequence[ImageBox],
     ) -> None:
         """Whether the camera is turned, or dirty: what it sees moves, but dirt does not."""
-        second, camera = detail(frame.image), frame.camera
-        if camera.horizon is None or first.shape != second.shape:
+        camera = frame.camera
+        if camera.horizon is None:
+            return
+        second = detail(frame.image)
+        if first.shape != second.shape:
             return
         focus = focus_of_expansion(first, second)
         if focus is None:

@@ -18,6 +18,8 @@ class TrackReport:
         self._lens_sigma = lens_sigma
         self.picture_sigma = 0.0
         """The same by what impairs the picture."""
+        self.bearing_sigma_rad = 0.0
+        """Sigma of all bearings by it."""
 
     @property
     def _common_sigma(self) -> float:
@@ -85,7 +87,9 @@ class TrackReport:
             range_sigma_m=self._distance_sigma_m(track, range_m),
             bearing_rad=bearing_rad,
             bearing_sigma_rad=math.hypot(
-                track.right.position_sigma_m / range_m, self._lens_sigma * bearing_rad
+                track.right.position_sigma_m / range_m,
+                self._lens_sigma * bearing_rad,
+                self.bearing_sigma_rad,
             ),
             text=track.text,
         )

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from onboard.observations import Sensor, SensorLost
+from onboard.observations import Impairment, Sensor, SensorImpaired, SensorLost
 from onboard.recorder.records import RecorderState
 from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.eebl import EEBL
@@ -252,6 +252,16 @@ def test_a_lost_camera_is_shown_at_once_and_the_gap_disappears(page: Page, row: 
     row.camera_works = True
     expect(page.locator("#sensors .lost")).to_have_count(0)
     expect(page.locator("#state")).to_have_text("Member 3")
+
+
+def test_a_camera_that_is_dirty_and_turned_is_shown_as_such(page: Page, row: Row) -> None:
+    impairments = Impairment.DIRTY, Impairment.TURNED
+    row.send_event(SensorImpaired(row.now, Sensor.CAMERA, impairments))
+    expect(page.locator("#sensors .lost")).to_have_text(
+        "Cameraview dirty, or fog; turned: calibrate it"
+    )
+    row.send_event(SensorImpaired(row.now, Sensor.CAMERA, ()))
+    expect(page.locator("#sensors .lost")).to_have_count(0)
 
 
 def test_a_lane_that_is_not_seen_to_be_free_is_no_free_lane(page: Page, row: Row) -> None:

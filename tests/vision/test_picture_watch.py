@@ -83,7 +83,13 @@ def watched(
     images: Iterator[tuple[float, Image]], calibration: Calibration
 ) -> tuple[list[SensorImpaired], float]:
     """What is reported, and the largest sigma of ranges."""
-    watch, events, sigma = PictureWatch(LANE_M), [], 0.0
+    return watched_by(PictureWatch(LANE_M), images, calibration)
+
+
+def watched_by(
+    watch: PictureWatch, images: Iterator[tuple[float, Image]], calibration: Calibration
+) -> tuple[list[SensorImpaired], float]:
+    events, sigma = [], 0.0
     for frame in admitted(images, calibration):
         events += watch.receive_frame(frame, [])
         sigma = max(sigma, watch.range_sigma)
@@ -141,12 +147,14 @@ def test_a_camera_that_heads_elsewhere_than_calibrated_is_turned(
             1e6, 1e6 * math.tan(math.radians(right_deg)), -1e6 * math.tan(math.radians(down_deg))
         )
     )
-    turned_events, sigma = watched(approached(focus_px), mounted(LENS, 0.0, 0.0))
+    watch = PictureWatch(LANE_M)
+    turned_events, sigma = watched_by(watch, approached(focus_px), mounted(LENS, 0.0, 0.0))
     right_rad, down_rad = math.radians(right_deg), math.radians(down_deg)
     clear_events, _ = watched(approached(focus_px), mounted(LENS, right_rad, down_rad))
 
     assert [event.impairments for event in turned_events] == [(Impairment.TURNED,)]
     assert sigma == RANGE_SIGMA[Impairment.TURNED]
+    assert watch.bearing_sigma_rad == pytest.approx(abs(right_rad), abs=0.01)
     assert clear_events == []
 
 

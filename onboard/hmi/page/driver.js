@@ -113,7 +113,7 @@ function showSensors(sensors, recorder_failure, failed_files) {
     const item = make("li", why.length > 0 ? "lost" : "", "");
     item.dataset.sensor = sensor;
     const words = make("span", "", is_lost ? fill(TEXTS.lost, { sensor: names[sensor] }) : names[sensor]);
-    if (why.length > 0) words.append(make("small", "", why.join(", ")));
+    if (why.length > 0) words.append(make("small", "", why.join("; ")));
     item.append(icon(sensor), words);
     return item;
   }));
