@@ -14,7 +14,7 @@ from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.hmi.access_check import AccessCheck
 from onboard.its_g5 import packet
-from onboard.messages import bsm, cam, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.messages import bsm, cam, denm, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.can_frame import CanFrame
@@ -260,6 +260,7 @@ TARGETS = {
     "peer_to_peer": Target(decode_ca_certs, (Malformed, Unsupported)),
     "bsm": _codec(bsm.decode, bsm.encode),
     "cam": _codec(cam.decode, cam.encode),
+    "denm": _codec(denm.decode, denm.encode),
     "geonetworking": Target(_geonetworking, (DecodeError,)),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
     "spat": _codec(spat.decode, spat.encode, 2e-2),

@@ -78,6 +78,7 @@ class CamSchedule:
         self._sent_at = -math.inf
         self._check_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
         self._repeated = 0
+        self._is_critical = False
         self._interval_s = self._max_interval_s = MAXIMUM_INTERVAL_S
 
     def begin_anew(self, now: float) -> None:
@@ -97,7 +98,10 @@ class CamSchedule:
         """See `BsmSchedule`; the density of vehicles changes nothing."""
 
     def receive_event_flags(self, is_critical: bool, now: float) -> None:
-        """See `BsmSchedule`; events have messages of their own."""
+        """Take whether a critical event is present: it is a reason, and its start makes one due."""
+        if is_critical and not self._is_critical:
+            self._check_at = now
+        self._is_critical = is_critical
 
     def get_timer(self) -> float:
         """Return the time of the next comparison."""
@@ -112,7 +116,7 @@ class CamSchedule:
             return False
         self._check_at = now + MINIMUM_INTERVAL_S
         motion, elapsed_s = self._motion(now), now - self._sent_at + _ROUNDING_S
-        if self._sent is None or motion.differs_from(self._sent):
+        if self._sent is None or self._is_critical or motion.differs_from(self._sent):
             self._interval_s = min(elapsed_s, MAXIMUM_INTERVAL_S)
             self._repeated = 0
         elif elapsed_s < self.interval_s:

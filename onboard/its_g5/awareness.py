@@ -136,7 +136,9 @@ def bsm_of(cam: Cam, utc_s: float) -> BasicSafetyMessage | None:
     events = VehicleEventFlags.HARD_BRAKING if is_emergency else None
     history, lights = None, None
     if low is not None and isinstance(low.value, LowFrequency):
-        history = _path_history(low.value.path, position, centre)
+        if centre is not None:
+            ahead_deg = _front_deg(position, centre)
+            history = path_history_of(low.value.path, ahead_deg)
         lights = _lights_of(low.value.lights)
     safety = VehicleSafetyExtensions(events, history, None, lights)
     return BasicSafetyMessage(core, safety)
@@ -162,7 +164,7 @@ def _high_frequency(bsm: BasicSafetyMessage) -> HighFrequency:
     wheels = core.brakes.wheel_brakes
     control = None if WheelBrakes.UNAVAILABLE in wheels else AccelerationControl(bool(wheels))
     if safety is not None and (safety.events or 0) & VehicleEventFlags.HARD_BRAKING:
-        control = AccelerationControl.BRAKE_PEDAL | AccelerationControl.EMERGENCY_BRAKE
+        control = AccelerationControl.BRAKE_PEDAL
     lateral_m_s2 = core.acceleration.lateral_m_s2
     return HighFrequency(
         heading=ReportedHeading(core.heading_rad),
@@ -184,20 +186,24 @@ def _low_frequency(bsm: BasicSafetyMessage) -> LowFrequency:
     for one, other in _LIGHTS.items():
         if one in (bsm.safety.lights or ExteriorLights(0)):
             lights |= other
-    return LowFrequency(lights=lights, path=tuple(_path(bsm)))
+    front = _reference_position(bsm.core)
+    start = front.latitude_deg or 0.0, front.longitude_deg or 0.0
+    return LowFrequency(lights=lights, path=tuple(path_of(bsm, start)))
 
 
-def _path(bsm: BasicSafetyMessage) -> Iterator[PathPoint]:
-    """Yield the points of the path history, each from the one before it, the first from the front.
+def path_of(bsm: BasicSafetyMessage, start: tuple[float, float]) -> Iterator[PathPoint]:
+    """Yield the points of a path history, each from the one before it, the first from `start`.
 
     The path ends where two are too far apart for the fields.
+
+    Args:
+        bsm: of the host vehicle.
+        start: latitude and longitude.
     """
     core, history = bsm.core, bsm.safety.path_history if bsm.safety is not None else None
     if history is None or core.latitude_deg is None or core.longitude_deg is None:
         return
-    front = _reference_position(core)
-    before = front.latitude_deg or 0.0, front.longitude_deg or 0.0
-    age_s, elevation_m = 0.0, 0.0
+    before, age_s = start, 0.0
     for point in history.crumb_data:
         if point.latitude_offset_deg is None or point.longitude_offset_deg is None:
             return
@@ -209,22 +215,21 @@ def _path(bsm: BasicSafetyMessage) -> Iterator[PathPoint]:
         east_deg = math.remainder(here[1] - before[1], 360.0)
         if max(abs(north_deg), abs(east_deg)) > MAX_DELTA_DEG:
             return
-        climb_m = None
-        if point.elevation_offset_m is not None:
-            climb_m, elevation_m = point.elevation_offset_m - elevation_m, point.elevation_offset_m
         elapsed_s = None if point.age_s is None else max(0.01, point.age_s - age_s)
-        yield PathPoint(DeltaPosition(north_deg, east_deg, climb_m), elapsed_s)
+        yield PathPoint(DeltaPosition(north_deg, east_deg), elapsed_s)
         before, age_s = here, point.age_s or age_s
 
 
-def _path_history(
-    path: tuple[PathPoint, ...], front: ReferencePosition, centre: tuple[float, float] | None
+def path_history_of(
+    path: tuple[PathPoint, ...], start_deg: tuple[float, float]
 ) -> PathHistory | None:
-    """Return the points as offsets from the middle of the vehicle, up to the first unknown one."""
-    if centre is None or front.latitude_deg is None or front.longitude_deg is None:
-        return None
-    north_deg = front.latitude_deg - centre[0]
-    east_deg = math.remainder(front.longitude_deg - centre[1], 360.0)
+    """Return the points as offsets from the vehicle, up to the first unknown or distant one.
+
+    Args:
+        path: as received.
+        start_deg: offset of the point that the first one is relative to, north and east.
+    """
+    north_deg, east_deg = start_deg
     age_s: float | None = 0.0
     points: list[PathHistoryPoint] = []
     for point in path:
@@ -237,6 +242,12 @@ def _path_history(
         age_s = None if age_s is None or point.elapsed_s is None else age_s + point.elapsed_s
         points.append(PathHistoryPoint(north_deg, east_deg, None, age_s))
     return PathHistory(None, None, tuple(points)) if points else None
+
+
+def _front_deg(front: ReferencePosition, centre: tuple[float, float]) -> tuple[float, float]:
+    """Return the offset of the front from the middle, north and east, in degrees."""
+    north_deg = (front.latitude_deg or 0.0) - centre[0]
+    return north_deg, math.remainder((front.longitude_deg or 0.0) - centre[1], 360.0)
 
 
 def _centre(front: ReferencePosition, high: HighFrequency) -> tuple[float, float] | None:

@@ -8,6 +8,11 @@ def timestamp_ms(utc_s: float) -> int:
     return max(0, round(to_time64(utc_s) / 1e3))
 
 
+def utc_of(timestamp_s: float) -> float:
+    """Return UTC in seconds since 1970 of a timestamp in seconds."""
+    return from_time64(round(timestamp_s * 1e6))
+
+
 def nearest_utc_s(remainder_ms: int, period_ms: int, utc_s: float) -> float:
     """Return the time whose timestamp leaves `remainder_ms`, the one nearest to `utc_s`.
 

@@ -604,6 +604,26 @@ class Optional(Field):
         return unit, meaning, "left out"
 
 
+class RestOfMessage(Field):
+    """All that follows, still encoded, as (bits, their number): the last field of a message.
+
+    The bits that fill the last octet are among them.
+    """
+
+    @override
+    def put(self, writer: BitWriter, value: tuple[int, int]) -> None:
+        writer.put(*value)
+
+    @override
+    def take(self, reader: BitReader) -> tuple[int, int]:
+        bits = reader.left
+        return reader.take(bits), bits
+
+    @override
+    def printed(self, value: tuple[int, int]) -> str:
+        return f"{value[0]:#x}/{value[1]}"
+
+
 class NotRead(Field):
     """A field whose presence has every message refused: where it ends is not known here."""
 

@@ -6,6 +6,7 @@ from typing_extensions import override
 
 from onboard.messages import bsm
 from onboard.security import ieee1609dot2
+from onboard.security.ieee1609dot2 import Location
 from onboard.security.pseudonyms import Pseudonym
 from onboard.security.security_services import CERTIFICATE_INTERVAL_S
 from onboard.wave_udp import psid, wsmp
@@ -30,6 +31,9 @@ class RadioFraming(Protocol):
     ) -> bytes:
         """Return what is signed of a message that is sent at `now`, which is `utc_s`."""
 
+    def location(self, service: int) -> Location | None:
+        """Return where a message is generated, if its header is to say so."""
+
     def frame(self, service: int, secured: bytes) -> bytes:
         """Return the frame around 1609.2 data."""
 
@@ -37,7 +41,7 @@ class RadioFraming(Protocol):
         """Return service and 1609.2 data. Raises `DecodeError`."""
 
     def payload_in(self, signed_part: bytes) -> bytes:
-        """Return the message in what was signed. Raises `DecodeError`."""
+        """Return the message in what was signed, if it is for here. Raises `DecodeError`."""
 
     def sender_of(self, message: WaveShortMessage) -> bytes | None:
         """Return the temporary ID in an awareness message, unverified; `None` without one."""
@@ -59,6 +63,10 @@ class WaveFraming(RadioFraming):
         self, payload: bytes, service: int, user_priority: int, now: float, utc_s: float
     ) -> bytes:
         return payload
+
+    @override
+    def location(self, service: int) -> Location | None:
+        return None
 
     @override
     def frame(self, service: int, secured: bytes) -> bytes:

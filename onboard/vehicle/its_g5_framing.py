@@ -7,14 +7,16 @@ from typing_extensions import override
 
 from onboard.errors import DecodeError
 from onboard.its_g5 import packet, ports
+from onboard.its_g5.area import CIRCLE, is_within
 from onboard.its_g5.awareness import ELLIPSE_SIGMAS
-from onboard.its_g5.headers import LongPositionVector, NextHeader
+from onboard.its_g5.headers import Area, LongPositionVector, NextHeader
 from onboard.its_g5.its_timestamp import timestamp_ms
 from onboard.its_g5.packet import GeoPacket
 from onboard.messages import cam
 from onboard.messages.its_common import PASSENGER_CAR
 from onboard.observations import Position
 from onboard.security import ieee1609dot2
+from onboard.security.ieee1609dot2 import Location
 from onboard.security.pseudonyms import Pseudonym
 from onboard.vehicle.framing import RadioFraming
 from onboard.wave_udp import psid
@@ -25,45 +27,69 @@ ACCURATE_M = 40.0
 (EN 302 636-4-1, annex H)."""
 TRAFFIC_CLASSES = (2, 3, 3, 2, 1, 1, 0, 0)
 """DCC profile by user priority (TS 102 636-4-2, by access category)."""
+EVENT_RADIUS_M = 1_000
+"""Of the area around the host vehicle to which its events are sent. Ours."""
+EVENT_HOPS = 10
+"""Of these packets: itsGnDefaultHopLimit (EN 302 636-4-1, annex H)."""
 _LOCALLY_ADMINISTERED = bytes((0x02, 0x00))
 
 
 class ItsG5Framing(RadioFraming):
-    """GeoNetworking packets to whoever receives them."""
+    """GeoNetworking packets: of events to an area, of all else to whoever receives them."""
 
     component = "geonetworking"
     certificate_interval_s = 1.0
     """TS 103 097 V1.3.1, 7.1.1."""
     distributes = False
 
-    def __init__(self, lcca_psid: int, position: Callable[[float], Position | None]) -> None:
+    def __init__(self, lcca_psid: int, position: Callable[[], Position | None]) -> None:
         """Frame messages of the standard's services, and of LCCA under `lcca_psid`.
 
         Args:
             lcca_psid: of LCCA messages.
-            position: last fix of the host vehicle at a `now`.
+            position: last fix of the host vehicle.
         """
         self._ports = {**ports.OF_SERVICES, lcca_psid: ports.LCCA}
         self._services = {port: service for service, port in self._ports.items()}
         self._position = position
         self._mac = bytes(6)
+        self._sequence = 0
 
     @override
     def use_pseudonym(self, pseudonym: Pseudonym) -> None:
         self._mac = _LOCALLY_ADMINISTERED + pseudonym.temporary_id
+        self._sequence = int.from_bytes(pseudonym.temporary_id[:2])
 
     @override
     def signed_part(
         self, payload: bytes, service: int, user_priority: int, now: float, utc_s: float
     ) -> bytes:
-        source, traffic_class = self._source(now, utc_s - now), TRAFFIC_CLASSES[user_priority]
-        return packet.encode(GeoPacket(self._ports[service], payload, source, traffic_class))
+        fix = self._position()
+        source, traffic_class = self._source(fix, now, utc_s), TRAFFIC_CLASSES[user_priority]
+        port = self._ports[service]
+        if service != psid.DENM or fix is None:
+            return packet.encode(GeoPacket(port, payload, source, traffic_class))
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        area = Area(fix.latitude_deg, fix.longitude_deg, EVENT_RADIUS_M)
+        return packet.encode(
+            GeoPacket(
+                port, payload, source, traffic_class, EVENT_HOPS, area, CIRCLE, self._sequence
+            )
+        )
+
+    @override
+    def location(self, service: int) -> Location | None:
+        fix = self._position()
+        if service != psid.DENM or fix is None:
+            return None
+        return Location(fix.latitude_deg, fix.longitude_deg, fix.altitude_m or 0.0)
 
     @override
     def frame(self, service: int, secured: bytes) -> bytes:
         is_signed = ieee1609dot2.is_signed(secured)
         content = secured if is_signed else ieee1609dot2.payload_in(secured) or b""
-        return packet.with_basic_header(content, is_secured=is_signed)
+        hops = 1 if service != psid.DENM or self._position() is None else EVENT_HOPS
+        return packet.with_basic_header(content, is_secured=is_signed, hops=hops)
 
     @override
     def read(self, frame: bytes) -> WaveShortMessage:
@@ -83,18 +109,23 @@ class ItsG5Framing(RadioFraming):
 
     @override
     def payload_in(self, signed_part: bytes) -> bytes:
-        return packet.decode(signed_part).payload
+        received, fix = packet.decode(signed_part), self._position()
+        area = received.area
+        if area is not None and fix is not None:
+            here = fix.latitude_deg, fix.longitude_deg
+            if not is_within(area, received.shape, *here):
+                raise DecodeError("outside_area", f"{area.distance_a_m} m")
+        return received.payload
 
     @override
     def sender_of(self, message: WaveShortMessage) -> bytes | None:
         content = ieee1609dot2.payload_in(message.payload) if message.psid == psid.CAM else None
         return None if content is None else cam.station_id_in(packet.payload_in(content))
 
-    def _source(self, now: float, utc_offset_s: float) -> LongPositionVector:
+    def _source(self, fix: Position | None, now: float, utc_s: float) -> LongPositionVector:
         """Return who sends and where; without a fix the position is 0, and not accurate."""
-        fix = self._position(now)
-        stamp_s = now if fix is None else fix.stamp_s
-        timestamp = timestamp_ms(stamp_s + utc_offset_s) & 0xFFFF_FFFF
+        age_s = 0.0 if fix is None else now - fix.stamp_s
+        timestamp = timestamp_ms(utc_s - age_s) & 0xFFFF_FFFF
         address = True, PASSENGER_CAR, 0, self._mac, timestamp
         if fix is None:
             return LongPositionVector(*address, 0.0, 0.0, False, 0.0, 0.0)

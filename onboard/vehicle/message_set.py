@@ -9,9 +9,12 @@ from typing import NamedTuple, Protocol
 
 from typing_extensions import override
 
+from onboard.bsm_transmission.cam_schedule import MINIMUM_INTERVAL_S
 from onboard.errors import DecodeError
 from onboard.its_g5.awareness import bsm_of, cam_of
-from onboard.messages import bsm, cam, map_data, sdsm, spat
+from onboard.its_g5.notification import EventReports, ReceivedEvents
+from onboard.its_g5.stations import Stations
+from onboard.messages import bsm, cam, denm, map_data, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.cam import Cam
 from onboard.messages.sdsm import SensorDataSharingMessage
@@ -36,11 +39,17 @@ class MessageSet(Protocol):
 
     def encode(
         self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
-    ) -> Encoded | None:
-        """Return a message at `now`, which is `utc_s`; `None` if the profile does not have it."""
+    ) -> list[Encoded]:
+        """Return what says a message at `now`, which is `utc_s`."""
 
-    def decode(self, service: int, data: bytes, utc_s: float) -> ReceivedMessage:
-        """Return a message received at `utc_s`. Raises `DecodeError`."""
+    def decode(
+        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+    ) -> ReceivedMessage | None:
+        """Return a message received at `utc_s`; `None` if it says nothing new.
+
+        Raises:
+            DecodeError: it cannot be decoded or used.
+        """
 
 
 class J2735Messages(MessageSet):
@@ -64,34 +73,48 @@ class J2735Messages(MessageSet):
     @override
     def encode(
         self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
-    ) -> Encoded | None:
+    ) -> list[Encoded]:
         if isinstance(message, BasicSafetyMessage):
-            return Encoded(psid.BSM, bsm.encode(message), message.user_priority)
-        return Encoded(psid.SENSOR_SHARING, sdsm.encode(message), message.user_priority)
+            return [Encoded(psid.BSM, bsm.encode(message), message.user_priority)]
+        return [Encoded(psid.SENSOR_SHARING, sdsm.encode(message), message.user_priority)]
 
     @override
-    def decode(self, service: int, data: bytes, utc_s: float) -> ReceivedMessage:
+    def decode(
+        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+    ) -> ReceivedMessage | None:
         return self._DECODERS[service](data)
 
 
+_ROUNDING_S = 1e-6
 LOW_FREQUENCY_S = 0.5
 """Least time between two low frequency containers of CAMs (EN 302 637-2 V1.4.1, 6.1.3)."""
 
 
 class ItsMessages(MessageSet):
-    """ETSI ITS: the CAM."""
+    """ETSI ITS: the CAM, and the DENM for events of vehicles."""
 
-    components: Mapping[int, str] = {psid.CAM: "cam"}
+    components: Mapping[int, str] = {psid.CAM: "cam", psid.DENM: "denm"}
 
     def __init__(self) -> None:
-        self._low_frequency_at = float("-inf")
+        self._low_frequency_at = self._cam_at = float("-inf")
+        self._reports = EventReports()
+        self._events = ReceivedEvents()
+        self._stations = Stations()
 
     @override
     def encode(
         self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
-    ) -> Encoded | None:
+    ) -> list[Encoded]:
         if not isinstance(message, BasicSafetyMessage):
-            return None
+            return []
+        reports = self._reports.messages(message, utc_s)
+        encoded = [Encoded(psid.DENM, denm.encode(each), each.user_priority) for each in reports]
+        if now >= self._cam_at:
+            self._cam_at = now + MINIMUM_INTERVAL_S - _ROUNDING_S
+            encoded.append(self._cam(message, now, utc_s))
+        return encoded
+
+    def _cam(self, message: BasicSafetyMessage, now: float, utc_s: float) -> Encoded:
         has_low = now >= self._low_frequency_at
         if has_low:
             self._low_frequency_at = now + LOW_FREQUENCY_S
@@ -99,10 +122,18 @@ class ItsMessages(MessageSet):
         return Encoded(psid.CAM, data, Cam.user_priority)
 
     @override
-    def decode(self, service: int, data: bytes, utc_s: float) -> ReceivedMessage:
+    def decode(
+        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+    ) -> ReceivedMessage | None:
+        if service == psid.DENM:
+            event = self._events.bsm_of(denm.decode(data), signer_id, utc_s)
+            return None if event is None else self._stations.completed(event, signer_id, utc_s)
         message = cam.decode(data)
         vehicle = bsm_of(message, utc_s)
         if vehicle is None:
             name = message.parameters.high_frequency.name
             raise DecodeError("not_of_a_vehicle", str(name))
-        return vehicle
+        if message.parameters.low_frequency is not None:
+            self._stations.receive_whole(vehicle, signer_id, utc_s)
+            return vehicle
+        return self._stations.completed(vehicle, signer_id, utc_s)

@@ -245,30 +245,33 @@ class Stack:
         if received is None:
             return
         service, opened, data = received
-        if service not in psid.AWARENESS and not opened.is_valid_at(self._own_place(now)):
+        if service not in psid.AWARENESS and not opened.is_valid_at(self._own_place()):
             self._discard_outside_region(opened, now)
             return
         is_lcca = service == self._config.lcca_psid
         try:
-            message: ReceivedMessage | LccaPdu = (
+            message: ReceivedMessage | LccaPdu | None = (
                 lcca.decode(data)
                 if is_lcca
-                else self._messages.decode(service, data, self._security.utc_s(now))
+                else self._messages.decode(
+                    service, data, opened.signer_id, self._security.utc_s(now)
+                )
             )
         except DecodeError as error:
             component = "lcca" if is_lcca else self._messages.components[service]
             self._vehicle.put_out(Discarded(now, component, error.reason, error.detail))
             return
         if isinstance(message, BasicSafetyMessage) and not opened.is_valid_at(
-            _place_in(message) or self._own_place(now)
+            _place_in(message) or self._own_place()
         ):
             self._discard_outside_region(opened, now)
             return
         if isinstance(message, LccaPdu):
             self._receive_lcca(message, opened, now)
             return
-        made_at_s = self._security.made_at_s(opened, now)
-        self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
+        if message is not None:
+            made_at_s = self._security.made_at_s(opened, now)
+            self._vehicle.receive_message(message, opened.signer_id, made_at_s, now)
 
     def _check_clock(self, now: float) -> None:
         """Show the radio as lost while all others have another time: what they send is refused."""
@@ -285,7 +288,7 @@ class Stack:
 
     def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
         try:
-            message, stated = self._lcca_link.receive_pdu(pdu, opened, self._own_place(now), now)
+            message, stated = self._lcca_link.receive_pdu(pdu, opened, self._own_place(), now)
         except RefusalError as refusal:
             detail = f"{pdu.message.kind} from {pdu.message.sender_id.hex()}"
             self._vehicle.put_out(Discarded(now, "lcca", str(refusal), detail))
@@ -298,13 +301,13 @@ class Stack:
         reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
         self._vehicle.put_out(Discarded(now, "security", reason, f"from {signer.hex()}"))
 
-    def _own_place(self, now: float) -> TwoDLocation | None:
+    def _own_place(self) -> TwoDLocation | None:
         """Return where the vehicle was last known to be."""
-        fix = self._last_fix(now)
+        fix = self._last_fix()
         return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
 
-    def _last_fix(self, now: float) -> Position | None:
-        return self._vehicle.host.position(now, math.inf)
+    def _last_fix(self) -> Position | None:
+        return self._vehicle.host.position(0.0, math.inf)
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -333,9 +336,9 @@ class Stack:
         if not isinstance(message, BasicSafetyMessage | SensorDataSharingMessage):
             self._submit_lcca(message, now)
             return
-        encoded = self._messages.encode(message, now, self._security.utc_s(now))
-        if encoded is not None:
-            service, data, priority = encoded
+        for service, data, priority in self._messages.encode(
+            message, now, self._security.utc_s(now)
+        ):
             self._link.submit(data, service, priority, BSM_LIFETIME_S, now)
 
     def _submit_lcca(self, message: lcca.LccaMessage, now: float) -> None:

@@ -55,7 +55,9 @@ class WaveLink(Core):
         """
         utc_s = self._security.utc_s(now)
         signed_part = self._framing.signed_part(payload, psid, user_priority, now, utc_s)
-        wsm = self._framing.frame(psid, self._security.secure(signed_part, psid, now))
+        location = self._framing.location(psid)
+        secured = self._security.secure(signed_part, psid, now, location=location)
+        wsm = self._framing.frame(psid, secured)
         self._queue.put(wsm, user_priority, now + lifetime_s, now)
         return len(wsm)
 

@@ -97,7 +97,7 @@ def test_a_recorded_path_leads_back_along_the_way_of_its_car() -> None:
         assert away_m == pytest.approx(12.5 * point.age_s, rel=0.2)
 
 
-def test_lights_brakes_and_hard_braking_are_those_of_the_bsm() -> None:
+def test_lights_and_brakes_are_those_of_the_bsm() -> None:
     for lights in (
         ExteriorLights.LEFT_TURN_SIGNAL,
         ExteriorLights.HAZARD_SIGNAL,
@@ -105,10 +105,23 @@ def test_lights_brakes_and_hard_braking_are_those_of_the_bsm() -> None:
     ):
         safety = VehicleSafetyExtensions(VehicleEventFlags.HARD_BRAKING, None, None, lights)
         there = received(BasicSafetyMessage(SENT.core, safety))
-        assert there.safety == safety
+        assert there.safety == replace(safety, events=None), "events are in DENMs"
         assert there.core.brakes.wheel_brakes == ALL_WHEELS
     released = replace(SENT.core, brakes=BrakeSystemStatus(WheelBrakes(0)))
     assert received(BasicSafetyMessage(released)).core.brakes == released.brakes
+
+
+def test_an_emergency_brake_in_a_cam_is_hard_braking() -> None:
+    message = cam_of(SENT, UTC_S, low_frequency=False)
+    control = cam.AccelerationControl.EMERGENCY_BRAKE
+    vehicle = replace(message.parameters.high_frequency.value, acceleration_control=control)
+    high = Chosen(cam.VEHICLE, vehicle)
+    there = bsm_of(
+        replace(message, parameters=replace(message.parameters, high_frequency=high)), UTC_S
+    )
+    assert there is not None
+    assert there.safety is not None
+    assert there.safety.events is VehicleEventFlags.HARD_BRAKING
 
 
 def test_what_is_not_known_stays_so() -> None:

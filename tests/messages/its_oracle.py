@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any
 
 from pycrate_asn1dir.ITS_CAM_2 import CAM_PDU_Descriptions
+from pycrate_asn1dir.ITS_DENM_3 import DENM_PDU_Descriptions
 from pycrate_asn1dir.ITS_IS import DSRC
 
 from onboard.messages.fields import (
@@ -19,6 +20,7 @@ from onboard.messages.fields import (
     Field,
     Ia5String,
     Integer,
+    OctetString,
     OpenBitString,
     OpenType,
     Optional,
@@ -31,6 +33,7 @@ ORACLES = {
     "MapData": DSRC.MapData,
     "Spat": DSRC.SPAT,
     "CamParameters": CAM_PDU_Descriptions.CamParameters,
+    "Notification": DENM_PDU_Descriptions.DecentralizedEnvironmentalNotificationMessage,
 }
 _LONGITUDE_FROM = -1_799_999_999
 """Of J2735; that of ISO/TS 19091 begins one step lower."""
@@ -92,6 +95,8 @@ def _same(  # noqa: C901, PLR0912 (one for each kind)
             assert int(f"{number:0{bits}b}"[::-1], 2) == ours
         case OpenType():
             assert theirs[1] == ours
+        case OctetString():
+            assert theirs == int.from_bytes(ours)
         case Boolean() | Ia5String():
             assert theirs == ours
         case Integer():

@@ -20,6 +20,7 @@ from onboard.messages.fields import (
     OpenType,
     Optional,
     Quantity,
+    RestOfMessage,
     SequenceOf,
 )
 from onboard.messages.message_frame import RegionalExtension
@@ -55,7 +56,7 @@ def values(  # noqa: C901, PLR0911, PLR0912 (one for each kind)
                     for name, each in field.alternatives.items()
                 ]
             )
-        case NotRead():
+        case NotRead() | RestOfMessage():
             return st.nothing()
         case ExtensibleEnumerated():
             return st.sampled_from(field.names)

@@ -10,9 +10,10 @@ import pytest
 
 from onboard.its_g5 import packet, ports
 from onboard.its_g5.awareness import cam_of
-from onboard.its_g5.headers import LongPositionVector
-from onboard.kinematics.units import KM_H
-from onboard.messages import bsm, cam
+from onboard.its_g5.headers import Area, LongPositionVector
+from onboard.its_g5.notification import EventReports
+from onboard.messages import bsm as bsm_codec
+from onboard.messages import cam, denm
 from onboard.observations import HardBrake, Position, Sensor
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
@@ -30,6 +31,7 @@ from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.its_g5.test_awareness import SENT
+from tests.its_g5.test_notification import bsm
 from tests.vehicle.platoon import SPEED_M_S, Platoon
 from tests.wave_udp.test_capture import needs_tshark, tshark
 
@@ -80,10 +82,19 @@ def platoon(request: pytest.FixtureRequest) -> Platoon:
     return driven
 
 
+def brake(platoon: Platoon) -> None:
+    """AAA1 brakes hard for half a second."""
+    platoon.receive("AAA1", HardBrake(platoon.now, 7.0, source="obd"))
+    for _ in range(5):
+        platoon.speed_m_s["AAA1"] -= 0.7
+        drive(platoon, 0.1)
+
+
 @needs_tshark
 def test_tshark_reads_all_frames_and_finds_nothing_malformed(
     platoon: Platoon, tmp_path: Path
 ) -> None:
+    brake(platoon)
     path = tmp_path / "its.pcap"
     with path.open("wb") as file:
         writer = PcapWriter(file)
@@ -94,22 +105,23 @@ def test_tshark_reads_all_frames_and_finds_nothing_malformed(
     for fields in packets:
         assert "_ws.malformed" not in fields
         assert fields["geonw.bh.version"] == ["1"]
-    cams = [fields for fields in packets if "its.stationID" in fields]
-    assert cams
-    assert {each["its.protocolVersion"][0] for each in cams} == {"2"}
-    assert {each["btpb.dstport"][0] for each in cams} == {"2001"}
-    others = [fields for fields in packets if fields not in cams]
+    its = [fields for fields in packets if "its.stationID" in fields]
+    assert {each["its.protocolVersion"][0] for each in its} == {"2"}
+    assert {each["btpb.dstport"][0] for each in its} == {"2001", "2002"}
+    denms = [each for each in its if each["btpb.dstport"] == ["2002"]]
+    assert {each["its.causeCode"][0] for each in denms} == {"99"}
+    assert {each["geonw.ch.htype"][0] for each in denms} == {"0x40"}
+    others = [fields for fields in packets if fields not in its]
     assert others
     for fields in others:  # in signed data of a private service tshark looks no further
         assert fields.get("btpb.dstport", [str(ports.LCCA)]) == [str(ports.LCCA)]
 
 
 def test_a_follower_joins_and_is_warned_and_perceives_its_leader_once(platoon: Platoon) -> None:
-    platoon.speed_m_s["AAA1"] = SPEED_M_S - 3 * KM_H
-    drive(platoon, 0.1)
-    platoon.receive("AAA1", HardBrake(platoon.now, 7.0, source="obd"))
-    drive(platoon, 0.5)
+    brake(platoon)
 
+    alarms = [as_trace_record(event) for event in platoon.events_of("BBB2", "alarm")]
+    assert "eebl" in {each["cause"] for each in alarms}
     assert len(list(platoon.events_of("BBB2", "warning"))) == 1
     _, others = platoon.cars["BBB2"].surroundings
     (leader,) = others
@@ -175,9 +187,22 @@ def test_bad_frames_are_counted_each_with_its_reason() -> None:
     assert receives(b"") == [("geonetworking", "too_short")]
 
 
+def test_an_event_is_for_who_is_in_its_area_and_brakes_once() -> None:
+    (report,) = EventReports().messages(bsm(brakes=True), UTC_S + 0.1)
+    data = denm.encode(report)
+
+    def to(area: Area) -> bytes:
+        content = packet.encode(packet.GeoPacket(2002, data, SOURCE, 0, 10, area))
+        return packet.with_basic_header(content, is_secured=False, hops=9)
+
+    assert receives(to(Area(25.0330, 121.5654, 500))) == []
+    assert receives(to(Area(25.1330, 121.5654, 500))) == [("geonetworking", "outside_area")]
+    assert receives(framed(data[:9], port=2002)) == [("denm", "too_short")]
+
+
 def test_who_sends_bsms_too_is_counted_once() -> None:
     vehicle = its_car("AAA1")
-    wave = ieee1609dot2.encode_unsecured(bsm.encode(SENT))
+    wave = ieee1609dot2.encode_unsecured(bsm_codec.encode(SENT))
     bsm_frame = wsmp.encode(WaveShortMessage(psid.BSM, wave))
     for tenth in range(1, 20):
         now = 0.1 * tenth

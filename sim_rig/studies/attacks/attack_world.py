@@ -92,9 +92,11 @@ class Signer:
         """
         self._messages: MessageSet = ItsMessages() if its_g5 else J2735Messages()
         self._framing: RadioFraming = (
-            ItsG5Framing(psid.LCCA, lambda _now: None) if its_g5 else WaveFraming()
+            ItsG5Framing(psid.LCCA, lambda: None) if its_g5 else WaveFraming()
         )
         self.temporary_id = temporary_id
+        self.events: list[bytes] = []
+        """DENMs that go with the last CAM."""
         self._utc_s = utc_s
         self._security = SecurityServices(utc_s, keys)
         self._sent = 0
@@ -137,9 +139,11 @@ class Signer:
         )
         safety = VehicleSafetyExtensions(events=VehicleEventFlags.HARD_BRAKING) if brakes else None
         message = BasicSafetyMessage(core, safety, footer=footer)
-        encoded = self._messages.encode(message, now, self._utc_s + now)
-        assert encoded is not None  # noqa: S101 (each profile has it)
-        return self.signed(encoded.data, encoded.service, now)
+        *self.events, awareness = [
+            self.signed(each.data, each.service, now)
+            for each in self._messages.encode(message, now, self._utc_s + now)
+        ]
+        return awareness
 
     def footer(self, number: int, place_m: Place, now: float) -> bytes:
         """Return a footer with a vehicle without radio, as if measured now."""

@@ -109,6 +109,7 @@ class AttackKind(StrEnum):
     BRAKE_FOOTER = "brake requests by footers about what a detector sees"
     CERTIFICATES = "certificates that are made up, by outsiders"
     CAM = "crossing vehicle, by CAM"
+    DENM = "vehicle ahead that brakes hard, by DENM"
 
 
 Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]
@@ -299,6 +300,14 @@ def in_the_blind_spot(
     yield signer.bsm_at(place_m, (0.0, SPEED_M_S), now, temporary_id=name)
 
 
+def braking_by_denm(
+    host: AttackedHost, signer: Signer, insider: int, now: float
+) -> Iterator[bytes]:
+    """The same by CAM and DENM."""
+    yield from braking_ahead(host, signer, insider, now)
+    yield from signer.events
+
+
 def same_id(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
     """A vehicle that stands aside, under the ID of the next true one, before that is heard."""
     number = insider + int(now // TRUE_EVERY_S)
@@ -324,9 +333,10 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.SDSM: crossing_sdsm,
     AttackKind.SIGNALS: red_lights,
     AttackKind.CAM: crossing_bsm,
+    AttackKind.DENM: braking_by_denm,
 }
 """The messages of each attack by BSMs."""
-BY_ITS_G5 = frozenset({AttackKind.CAM})
+BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.DENM})
 """Attacks in which all radios have ITS-G5."""
 ITS_G5 = {"endpoint": "raw", "interface": "air", "profile": "its-g5"}
 """Radio settings of the host then."""
