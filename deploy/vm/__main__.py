@@ -81,7 +81,7 @@ Restart=always
 WantedBy=multi-user.target
 """
 MOUNT = f"""
-echo '/dev/vdb {FOLDER} ext4 defaults 0 2' >>/etc/fstab
+echo '/dev/vdb {FOLDER} ext4 x-systemd.device-timeout=0 0 2' >>/etc/fstab  # late at load
 mkdir -p {FOLDER} && mount {FOLDER}
 """
 SET_UP = """set -e
