@@ -70,6 +70,12 @@ box-test: .venv/ready ## the box in namespaces, as root
 box-ladder: .venv/ready ## a scenario from virtual time up to the installed box, as root
 	$(PYTHON) -m deploy.vm.ladder
 
+# The same with the box of vm-test in QEMU: its bus is a serial line with slcan, the rig outside. In a
+# network namespace, since its ports are those of other boxes too.
+.PHONY: vm-ladder
+vm-ladder: .venv/ready ## a scenario up to the box in QEMU, after vm-test, as root
+	unshare --net sh -c 'ip link set lo up && exec $(PYTHON) -m deploy.vm.qemu_ladder'
+
 # Installations of build/box that are ended at random moments; another call goes on.
 .PHONY: power-cuts
 power-cuts: .venv/ready box ## 50 installations that are cut: does every box come up?

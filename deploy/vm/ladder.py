@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,8 @@ def main() -> int:
         box = OUT / f"{car}.yaml"
         tree = wires(scenario, car, machine.init)
         box.write_text(yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
-        fill_share(scenario, car, parse_settings(tree, BoxSettings, box.name))
+        settings = parse_settings(tree, BoxSettings, box.name)
+        fill_share(car_yaml(scenario, car), scenario, car, settings)
         machine.run(SET_UP, timeout_s=600.0)
         climb = [sys.executable, "-m", "sim_rig", "ladder", given.scenario]
         with connected(machine) as in_network:
@@ -111,19 +112,19 @@ def wires(scenario: Scenario, car: str, init: str) -> dict[str, Any]:
     }
 
 
-def car_yaml(scenario: Scenario, car: str) -> dict[str, Any]:
-    """Tree of the box's `CarConfig`."""
+def car_yaml(scenario: Scenario, car: str, rig: str = RIG, box: str = BOX) -> dict[str, Any]:
+    """Tree of the box's `CarConfig`, with the addresses of rig and box as the latter sees them."""
     config = car_config(scenario, car, seed=scenario.seed)
     config["security"]["keys_folder"] = "/etc/onboard/keys"
     config |= {
-        "can": {"interface": "socketcand", "channel": "can0", "host": RIG, "port": BUS_PORT},
-        "camera": {"source": f"http://{RIG}:{CAMERA_PORT}/{car}"}
+        "can": {"interface": "socketcand", "channel": "can0", "host": rig, "port": BUS_PORT},
+        "camera": {"source": f"http://{rig}:{CAMERA_PORT}/{car}"}
         | calibration(scenario.lens).model_dump(),
         "radio": {
             "endpoint": "iwcu",
-            "listen_host": BOX,
+            "listen_host": box,
             "listen_port": RADIO_PORT,
-            "unit_host": RIG,
+            "unit_host": rig,
             "unit_port": UNIT_PORT,
         },
         "recorder": {"folder": RECORDING},
@@ -131,17 +132,17 @@ def car_yaml(scenario: Scenario, car: str) -> dict[str, Any]:
     if scenario.gnss is not None:
         config["gnss"] = gnss_config(scenario.gnss)
     if scenario.detector is not None:
-        config["detector"] = {"host": BOX, "port": DETECTOR_PORT}
+        config["detector"] = {"host": box, "port": DETECTOR_PORT}
     return config
 
 
-def fill_share(scenario: Scenario, car: str, box: BoxSettings) -> None:
-    """Make the keys, and write what the box reads."""
+def fill_share(config: Mapping[str, Any], scenario: Scenario, car: str, box: BoxSettings) -> None:
+    """Make the keys, and write what the box reads, with its `config`."""
     run_credentials(scenario, {car: box}, time.time())
     folder = SHARE / "ladder"
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(box.keys / car, folder / "keys")
-    (folder / "car.yaml").write_text(yaml.safe_dump(car_yaml(scenario, car)), encoding="utf-8")
+    (folder / "car.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
     (folder / "wait.conf").write_text(WAIT, encoding="utf-8")
 
 

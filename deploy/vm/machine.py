@@ -10,6 +10,7 @@ import json
 import socket
 import subprocess
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +45,13 @@ class Machine:
     """One boot of the machine; its writes remain on its disks."""
 
     def __init__(
-        self, image: Path, disks: tuple[Path, Path], share: Path, *, counted: bool
+        self,
+        image: Path,
+        disks: tuple[Path, Path],
+        share: Path,
+        *,
+        counted: bool,
+        devices: Sequence[str] = (),
     ) -> None:
         """Switch on.
 
@@ -53,6 +60,7 @@ class Machine:
             disks: /dev/vda, qcow2, and /dev/vdb, raw; both are written to.
             share: folder of the host that the guest reads at /share.
             counted: whether the guest's clock counts instructions, instead of the host's clock.
+            devices: options of QEMU for more of them.
         """
         disk, small_disk = disks
         self._address = disk.with_suffix(".agent")
@@ -78,6 +86,7 @@ class Machine:
                 "-virtfs",
                 f"local,path={share},mount_tag=share,security_model=none,readonly=on",
                 *("-device", "virtio-rng-pci"),
+                *devices,
             ],
             stdin=subprocess.DEVNULL,
             stdout=self._console,

@@ -1,7 +1,10 @@
 """The configuration of the installed box that is a rung of the ladder."""
 
+from pathlib import Path
+
 import pytest
 
+from deploy.vm import qemu_ladder
 from deploy.vm.ladder import car_yaml, wires
 from onboard.settings import parse_settings
 from onboard.vehicle.config import CarConfig
@@ -32,3 +35,21 @@ def test_box_and_rig_have_the_two_ends_of_the_same_wires(scenario: str) -> None:
     if box.detector is not None and rig.detector is not None:
         listens = box.detector.host, box.detector.port
         assert listens == (str(rig.detector.host), rig.detector.port)
+
+
+def test_the_box_in_qemu_has_slcand_s_bus_and_the_rig_its_serial_line() -> None:
+    loaded = load_scenario("fig4")
+    tree = qemu_ladder.wires(loaded, "red", Path("/dev/pts/7"))
+
+    rig = parse_settings(tree, BoxSettings, "rig")
+    box = parse_settings(qemu_ladder.car_in_qemu(loaded, "red"), CarConfig, "box")
+
+    assert (rig.bus.interface, rig.bus.serial) == ("slcan", Path("/dev/pts/7"))
+    assert box.can is not None
+    assert (box.can.interface, box.can.channel) == ("socketcan", "can0")
+    assert f"/dev/ttyS1 {box.can.channel}" in qemu_ladder.SLCAN_UNIT
+    assert isinstance(box.radio, IwcuSettings)
+    assert box.radio.unit_port == rig.radio.port
+    assert f"hostfwd=udp:127.0.0.1:{rig.radio.box_port}-:{box.radio.listen_port}" in " ".join(
+        qemu_ladder.DEVICES
+    )
