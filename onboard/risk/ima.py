@@ -3,6 +3,7 @@
 The same assessment is an alarm of LTA while the host vehicle turns left, and of IMA otherwise.
 """
 
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +15,12 @@ from onboard.risk.application import Application, Assessed
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.driver_reaction import for_driver
 from onboard.risk.expected_stop import is_expected_to_stop
-from onboard.risk.left_turn import has_known_turn, left_turn_crossing, left_turn_radius_m
+from onboard.risk.left_turn import (
+    begun_turn_radius_m,
+    has_known_turn,
+    left_turn_crossing,
+    left_turn_radius_m,
+)
 from onboard.risk.mean_collision_probability import (
     MAX_ACCELERATION_M_S2,
     DrivenVehicle,
@@ -56,7 +62,10 @@ class _CrossingPaths(Application):
             return []
         own = with_heading(situation.own, situation.heading)
         signals = situation.host.turn_signals(situation.now) == {"left"}  # both: hazard signal
-        radius_m = _left_turn_radius_m(own, situation, signals=signals)
+        yaw_rate = situation.host.yaw_rate(situation.now)
+        radius_m = begun_turn_radius_m(math.hypot(*own.state[2:]), yaw_rate, signals=signals)
+        if radius_m is None:
+            radius_m = _left_turn_radius_m(own, situation, signals=signals)
         if (radius_m is not None) is not self.host_turns_left:
             return []
         reaction_s = for_driver(self._settings.fcw, situation.reaction_s).reaction_s
@@ -156,7 +165,7 @@ def _driven(
     if each.age_s > KNOWN_FOR_S and each.source is not ObjectSource.HOST:
         lateral_m_s2 = None
     along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
-    return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2)
+    return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2, turns)
 
 
 def _crossing(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from onboard.kinematics.arrays import Array
+from onboard.observations import YawRate
 from onboard.risk.path_crossing import MIN_ANGLE_RAD, PathCrossing, has_course, linearised
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
@@ -27,6 +28,10 @@ SIGNALLED_BEND_M = 60.0
 """Radius of larger bends of the road, in which a turn signal left on is no turn. The estimate is
 still too large when a turn begins."""
 _REPORTED = (ObjectSource.HOST, ObjectSource.BSM)
+TURNING_RAD_S = 0.04
+"""Least yaw rate of a slow vehicle that turns with its turn signal on: eight sigmas of a sensor."""
+TURNING_M_S = 7.0
+"""Larger speeds are those of bends; a turn of 15 m then has a lateral acceleration of 0.3 g."""
 PAST_RAD = 0.6
 """A vehicle that has turned past the other's path by less may still be in its way."""
 
@@ -58,6 +63,26 @@ def left_turn_radius_m(
     if not MIN_RADIUS_M <= radius_m <= (SIGNALLED_BEND_M if signals else MAX_RADIUS_M):
         return None
     return min(radius_m, SIGNALLED_RADIUS_M) if signals else radius_m
+
+
+def begun_turn_radius_m(
+    speed_m_s: float, yaw_rate: YawRate | None, *, signals: bool
+) -> float | None:
+    """Return the radius of a slow turn to the left that has just begun; `None` without one.
+
+    Velocities show it only half a second later.
+
+    Args:
+        speed_m_s: of the host vehicle.
+        yaw_rate: its own.
+        signals: whether its left turn signal is on.
+    """
+    if yaw_rate is None or not signals or speed_m_s > TURNING_M_S:
+        return None
+    left_rad_s = -yaw_rate.yaw_rate_rad_s
+    if left_rad_s < TURNING_RAD_S:
+        return None
+    return float(np.clip(speed_m_s / left_rad_s, MIN_RADIUS_M, SIGNALLED_RADIUS_M))
 
 
 def left_turn_crossing(

@@ -1,9 +1,9 @@
 """Mean P_C of two vehicles on crossing paths over their uncertain states.
 
 What a driver does next is a distribution of accelerations: about the present acceleration where it
-is known (section III-E of the paper), else uniform. A driver who goes straight on, would have to
-brake harder than drivers who stop do, and does not, is taken to drive on. Where both do, P_C is
-also computed for two drivers of whom neither stops, and the greater value counts.
+is known (section III-E of the paper), else uniform. A driver who goes straight on, and does not
+brake where drivers who stop do, is taken to drive on. Where both do, P_C is also computed for two
+drivers of whom neither stops, and the greater value counts.
 
 Distances and speeds of both vehicles are uncertain. P_C is averaged over them by a fixed rule of 25
 points that is exact for polynomials of the fifth degree, so equal states give equal numbers.
@@ -26,13 +26,20 @@ MAX_BRAKING_M_S2 = 9.55
 """Hardest braking of a driver; Table I."""
 MAX_ACCELERATION_M_S2 = 2.1
 """Largest acceleration of a driver; Table I."""
-STOPPING_M_S2 = 3.0
+STOPPING_M_S2 = 2.5
 """A driver who would need more than this to stop short of the other's path, and does not brake, is
-taken to drive on. Drivers who stop brake less (signals are timed for 10 ft/s^2)."""
+taken to drive on. Drivers who stop brake less, and begin sooner."""
+STOPPING_S = 1.7
+"""So is another driver who is this close to it by his speed: from low speeds drivers stop gently,
+and what they would need says nothing in time."""
+STOPPING_LATE_M_S2 = 3.5
+"""The same for a driver who has begun to brake (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
 """Time until another driver who accelerates would brake, or the host's, if it is not known."""
 BRAKING_M_S2 = 1.0
 """A host driver who brakes by more has reacted: two steps of 1 km/h within the window."""
+ANSWERING_M_S2 = 0.3
+"""Another driver who brakes by more has begun to."""
 GAINING_M_S2 = 1.0
 """A driver who accelerates by more does not yet mean to stop."""
 SETTING_OFF_M_S = 4.0
@@ -69,6 +76,8 @@ class DrivenVehicle:
     """Along its course; `None`: not known."""
     lateral_m_s2: float | None = None
     """Across its course, in a bend; `None`: not known."""
+    turns_left: bool = False
+    """Across the path of the other, which has the right of way."""
 
 
 def mean_collision_probabilities(
@@ -77,7 +86,6 @@ def mean_collision_probabilities(
     own: DrivenVehicle,
     *,
     reaction_s: float = REACTION_S,
-    stopping_m_s2: float = STOPPING_M_S2,
 ) -> Array:
     """Return the mean P_C of each crossing, (n).
 
@@ -89,12 +97,11 @@ def mean_collision_probabilities(
         others: the other vehicle of each.
         own: the host vehicle.
         reaction_s: reaction time of the host's driver.
-        stopping_m_s2: hardest braking of drivers who stop.
     """
     p_c = np.zeros(len(crossings))
     known = np.array([each.acceleration_m_s2 is not None for each in others], dtype=bool)
     ahead = _may_meet(crossings, others, own)
-    driving_on = ahead & known & _drive_on(crossings, others, own, reaction_s, stopping_m_s2)
+    driving_on = ahead & known & _drive_on(crossings, others, own, reaction_s)
     for chosen, behaviour in (
         (ahead & known, _behaviour),
         (ahead & ~known, _behaviour),
@@ -115,13 +122,13 @@ def _drive_on(
     others: Sequence[DrivenVehicle],
     own: DrivenVehicle,
     reaction_s: float,
-    stopping_m_s2: float,
 ) -> NDArray[np.bool_]:
     """Whether both drivers would have to brake harder than drivers do to stop short, (n).
 
     The host's driver, who is to be warned, needs time to react, unless he brakes. So does another
     driver who still accelerates, and who goes on accelerating in that time. Both must be known to
-    go straight on: in a bend, the courses of all oncoming vehicles cross the host's.
+    go straight on: in a bend, the courses of all oncoming vehicles cross the host's. Nobody stops
+    for a host vehicle that turns left and has to yield.
     """
     if not crossings or own.acceleration_m_s2 is None or not _goes_straight(own):
         return np.zeros(len(crossings), dtype=bool)
@@ -129,14 +136,18 @@ def _drive_on(
     half, half_other = _zone_halves_m(crossings, others, own)
     gaining = np.array([_gaining_m_s2(each.acceleration_m_s2) for each in others])
     own_gaining = np.full(len(crossings), _gaining_m_s2(own.acceleration_m_s2))
-    brakes = own.acceleration_m_s2 <= -BRAKING_M_S2
-    own_reactions_s = np.full(len(crossings), 0.0 if brakes else reaction_s)
+    own_brakes = np.full(len(crossings), own.acceleration_m_s2 <= -BRAKING_M_S2)
+    own_reactions_s = np.where(own_brakes, 0.0, reaction_s)
     straight = np.array([_goes_straight(each) for each in others])
-    other_reactions_s = np.where(gaining > 0.0, REACTION_S, 0.0)
+    brakes = np.array([(each.acceleration_m_s2 or 0.0) <= -ANSWERING_M_S2 for each in others])
+    room_m, other_reactions_s = other_d - half_other, np.where(gaining > 0.0, REACTION_S, 0.0)
+    keeps_on = ~brakes & (own.turns_left | (room_m <= STOPPING_S * other_v))
+    own_m = own_d - half
+    accepts = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
     return (
         straight
-        & _cannot_stop(own_d - half, own_v, own_gaining, own_reactions_s, stopping_m_s2)
-        & _cannot_stop(other_d - half_other, other_v, gaining, other_reactions_s, stopping_m_s2)
+        & (accepts | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes))
+        & (keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes))
     )
 
 
@@ -151,15 +162,20 @@ def _gaining_m_s2(acceleration_m_s2: float | None) -> float:
 
 
 def _cannot_stop(
-    room_m: Array, speed_m_s: Array, gaining_m_s2: Array, after_s: Array, stopping_m_s2: float
+    room_m: Array,
+    speed_m_s: Array,
+    gaining_m_s2: Array,
+    after_s: Array,
+    brakes: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """Whether more than `stopping_m_s2` is needed to stop in `room_m`, from `after_s` on.
+    """Whether more than drivers brake with is needed to stop in `room_m`, from `after_s` on.
 
     So is it for a driver who sets off right before the other's path.
     """
     then_m_s = speed_m_s + gaining_m_s2 * after_s
     left_m = room_m - (speed_m_s + then_m_s) / 2.0 * after_s
     sets_off = (gaining_m_s2 > 0.0) & (speed_m_s < SETTING_OFF_M_S) & (room_m < SETTING_OFF_M)
+    stopping_m_s2 = np.where(brakes, STOPPING_LATE_M_S2, STOPPING_M_S2)
     hard: NDArray[np.bool_] = sets_off | (left_m <= then_m_s**2 / (2.0 * stopping_m_s2))
     return hard
 

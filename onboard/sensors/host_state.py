@@ -29,6 +29,8 @@ BRAKING_SPEED_VALID_S = 0.5
 """Of a speed that braking is requested by: at 8 m/s^2 it is wrong by 4 m/s by then."""
 PEDAL_VALID_S = 1.0
 """Of a brake pedal that is sent: as of the speed beside it."""
+YAW_RATE_VALID_S = 0.5
+"""Of a yaw rate that shows a turn."""
 POSITION_VALID_S = 1.6
 """Of a position that is sent: receivers at 1 Hz deliver late. `sec_mark` is the time of the fix."""
 PREDICTED_POSITION_VALID_S = 1.5
@@ -47,6 +49,7 @@ class HostState:
         self._speed: Speed | None = None
         self._pedal: BrakePedal | None = None
         self._position: Position | None = None
+        self._yaw_rate: YawRate | None = None
         self._turn_signals = TurnSignals()
         self._acceleration = HostBraking(HOST_WINDOW_S)
         self._braking = HostBraking(BRAKING_WINDOW_S)
@@ -68,6 +71,8 @@ class HostState:
                 self._turn_signals.receive_turn_signal(observation)
             case Position():
                 self._position = observation
+            case YawRate():
+                self._yaw_rate = observation
 
     def speed(self, now: float, valid_s: float = SPEED_VALID_S) -> Speed | None:
         """Return the last speed; `None` if it is older than `valid_s`, or dated ahead by more."""
@@ -91,6 +96,12 @@ class HostState:
     def curvature(self, now: float) -> Curvature | None:
         """Return the curvature of the path; `None` while nothing measures it."""
         return self._curvature.at(now)
+
+    def yaw_rate(self, now: float, valid_s: float = YAW_RATE_VALID_S) -> YawRate | None:
+        """Return the last yaw rate on the bus, as `speed` does."""
+        yaw_rate = self._yaw_rate
+        is_valid = yaw_rate is not None and abs(now - yaw_rate.stamp_s) <= valid_s
+        return yaw_rate if is_valid else None
 
     def acceleration_m_s2(self, now: float) -> float | None:
         """Return the slope of the speed over `HOST_WINDOW_S`; `None` while unknown."""

@@ -240,13 +240,36 @@ def meet(
 
 
 def test_two_that_can_hardly_stop_any_more_are_taken_to_drive_on() -> None:
-    """At 14 m/s, 3 m/s^2 stop in 32.7 m: less than what is left to the zone, or more."""
-    still_stops, drives_on = meet(37.0, 37.0), meet(35.0, 35.0)
+    """At 14 m/s, 2.5 m/s^2 stop in 39.2 m: less than what is left to the zone, or more."""
+    still_stops, drives_on = meet(44.0, 44.0), meet(41.0, 41.0)
 
     assert still_stops < SETTINGS.caution_p_c
     assert drives_on > SETTINGS.warning_p_c
-    assert meet(35.0, 37.0) < SETTINGS.caution_p_c  # the other one still stops
-    assert meet(37.0, 35.0) > SETTINGS.warning_p_c  # the own driver has to react first
+    assert meet(41.0, 44.0) < SETTINGS.caution_p_c  # the other one still stops
+    assert meet(44.0, 41.0) > SETTINGS.warning_p_c  # the own driver has to react first
+
+
+def test_who_has_begun_to_brake_may_still_brake_harder() -> None:
+    """3.0 m/s^2 are needed: more than drivers begin with, less than they end with."""
+    assert meet(36.0, 36.0, other=-0.2) > SETTINGS.warning_p_c
+    assert meet(36.0, 36.0, other=-0.5) < SETTINGS.caution_p_c
+    assert meet(36.0, 36.0, own=-1.2) < SETTINGS.caution_p_c
+
+
+def test_a_slow_driver_who_does_not_brake_in_time_is_taken_to_drive_on() -> None:
+    """At 5.6 m/s, 2.5 m/s^2 stop in 6.2 m; drivers who stop have begun 1.7 s before."""
+    own = car((-12.5, 0.0, 5.6, 0.0))
+
+    def p_c(left_m: float, acceleration_m_s2: float = 0.0) -> float:
+        met = path_crossing(own, car((0.0, -left_m, 0.0, 5.6)))
+        assert met is not None
+        others = [DrivenVehicle(5.0, 1.75, acceleration_m_s2, 0.0)]
+        me = DrivenVehicle(5.0, 1.75, 0.0, 0.0)
+        return float(mean_collision_probabilities([met], others, me)[0])
+
+    assert p_c(12.5) > SETTINGS.warning_p_c
+    assert p_c(12.5, -0.5) < SETTINGS.caution_p_c
+    assert p_c(13.5) < SETTINGS.caution_p_c
 
 
 def test_who_sets_off_does_not_mean_to_stop() -> None:
@@ -290,7 +313,8 @@ def test_that_two_drive_on_never_makes_a_crash_less_likely(
     assert met is not None
 
     (p_c,) = mean_collision_probabilities([met], [other], own)
-    (before,) = mean_collision_probabilities([met], [other], own, reaction_s=0.0, stopping_m_s2=1e9)
+    in_a_bend = replace(own, lateral_m_s2=None)
+    (before,) = mean_collision_probabilities([met], [other], in_a_bend)
 
     assert before <= p_c <= 1.0
 

@@ -12,10 +12,10 @@ from onboard.kinematics.units import KM_H
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
-from onboard.observations import Side, Speed, TurnSignal
+from onboard.observations import Side, Speed, TurnSignal, YawRate
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.ima import IMA, LTA
-from onboard.risk.left_turn import left_turn_crossing, left_turn_radius_m
+from onboard.risk.left_turn import begun_turn_radius_m, left_turn_crossing, left_turn_radius_m
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.settings import RiskSettings
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -210,3 +210,14 @@ def test_the_turn_of_a_track_is_unknown() -> None:
     seen = replace(perceived(OTHER, (0.0, 0.0, NORTH, 8.0), 0.0), source=ObjectSource.SENSOR)
     assert left_turn_radius_m(seen, 4.0) is None
     assert left_turn_radius_m(perceived(OTHER, (0.0, 0.0, NORTH, 8.0), 0.0), 4.0) == 16.0
+
+
+def test_a_slow_turn_has_begun_once_the_yaw_rate_shows_it_and_the_signal_is_on() -> None:
+    turns, sways = YawRate(0.0, -0.1, "can"), YawRate(0.0, -0.03, "can")
+
+    assert begun_turn_radius_m(4.0, turns, signals=True) == 15.0, "it has only begun"
+    assert begun_turn_radius_m(1.2, turns, signals=True) == pytest.approx(12.0)
+    assert begun_turn_radius_m(4.0, turns, signals=False) is None
+    assert begun_turn_radius_m(8.0, turns, signals=True) is None, "a bend of 80 m"
+    assert begun_turn_radius_m(4.0, sways, signals=True) is None
+    assert begun_turn_radius_m(4.0, None, signals=True) is None

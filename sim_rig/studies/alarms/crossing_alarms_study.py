@@ -22,7 +22,7 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import ExteriorLights, VehicleSafetyExtensions
 from onboard.mvs.host_vehicle import REPORTED_SPEED_SIGMA_M_S
-from onboard.observations import Speed, TurnSignal
+from onboard.observations import Speed, TurnSignal, YawRate
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
@@ -47,6 +47,10 @@ SPEED_AGE_S = 0.05
 OTHER = "0a0b0c0d"
 HEADING_SIGMA_RAD = 0.04
 """Of the heading that a receiver keeps at rest."""
+LATE_S = 1.7
+"""A warning that comes less than this before the contact is late (Euro NCAP)."""
+YAW_RATE_SIGMA_RAD_S = 0.005
+"""Noise of the host's yaw rate."""
 NUISANCE_S = 1.0
 
 
@@ -113,6 +117,8 @@ class CrossingLine:
     hours: float
     crashes: int
     warned: int
+    late: int
+    """Warned of, but later than `LATE_S` before the contact."""
     warned_share_at_least: float
     lead_median_s: float
     lead_5_percent_s: float
@@ -163,6 +169,7 @@ def _pooled(kind: MeetingKind, role: str, counts: list[RoleCounts]) -> CrossingL
         hours=hours,
         crashes=crashes,
         warned=len(leads_s),
+        late=sum(lead_s < LATE_S for lead_s in leads_s),
         warned_share_at_least=least,
         lead_median_s=median_s,
         lead_5_percent_s=low_s,
@@ -194,6 +201,8 @@ def _warned_s(
     for tick in range(0, len(meeting.speed_m_s), round(EVERY_S / TICK_S)):
         now = tick * TICK_S
         state.receive_observation(_obd_speed(meeting, tick, host))
+        noise_rad_s = YAW_RATE_SIGMA_RAD_S * rng.standard_normal()
+        state.receive_observation(_yaw_rate(meeting, tick, host, noise_rad_s))
         own, other = (
             _perceived_object(
                 meeting, (tick, car), bias_m[car], settings.receivers, is_host=car == host, rng=rng
@@ -220,6 +229,14 @@ def _obd_speed(meeting: Meeting, tick: int, host: int) -> Speed:
     """Speed of the host as PID 0x0D reports it, in whole km/h."""
     true_m_s = float(meeting.speed_m_s[_before(tick, SPEED_AGE_S), host])
     return Speed(tick * TICK_S - SPEED_AGE_S, math.floor(true_m_s / KM_H) * KM_H, KM_H, "obd:7E8")
+
+
+def _yaw_rate(meeting: Meeting, tick: int, host: int, noise_rad_s: float) -> YawRate:
+    """Yaw rate on the host's bus, positive to the right."""
+    before, after = (_before(tick, SPEED_AGE_S + age_s) for age_s in (TICK_S, 0.0))
+    turned_rad = meeting.course_rad[before, host] - meeting.course_rad[after, host]
+    stamp_s = tick * TICK_S - SPEED_AGE_S
+    return YawRate(stamp_s, float(turned_rad) / TICK_S + noise_rad_s, "can")
 
 
 def _perceived_object(

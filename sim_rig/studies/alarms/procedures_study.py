@@ -2,6 +2,7 @@
 
 The car's own `Vehicle`, from the wires on, with the rig's errors. With the profile `bsm` it has no
 sensor but its receiver, and the other car sends BSMs; with the others, the other car has no radio.
+The host's bus has the yaw rate that every BSM carries.
 """
 
 import math
@@ -120,7 +121,9 @@ def _first_warning(
     }
     detector = SENSOR_PROFILES.get(profile)
     receivers, risk = settings.receivers, settings.risk
-    host = WiredVehicle(HOST, drives, detector, rng, receivers=receivers, risk=risk)
+    host = WiredVehicle(
+        HOST, drives, detector, rng, receivers=receivers, risk=risk, has_yaw_rate=True
+    )
     other = WiredVehicle(
         OTHER, drives, None, rng, receivers=receivers, risk=risk, beacons=profile == BSM
     )

@@ -10,7 +10,7 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.gnss.settings import GnssSettings
 from onboard.kinematics.units import KM_H
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.observations import Sensor, Speed
+from onboard.observations import Sensor, Speed, YawRate
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.settings import RiskSettings
 from onboard.security.plate_digest import PlateDigest
@@ -22,6 +22,7 @@ from onboard.vehicle.vehicle import Vehicle
 from sim_rig.cars.gnss_receiver import GnssReceiver
 from sim_rig.cars.vehicle_camera import VehicleCamera
 from sim_rig.cars.vehicle_detector import ExternalDetector
+from sim_rig.roads.recording import STEP_S
 from sim_rig.roads.road import CarState
 from sim_rig.roads.trajectory_drive import TrajectoryDrive
 from sim_rig.scenario.sensor_settings import ReceiverSettings, VehicleCameraSettings
@@ -30,7 +31,9 @@ START_UTC_S = 1_750_000_000.0
 EVERY_S = 0.1
 """Period of the assessment, and of the samples of the speed."""
 SPEED_AGE_S = 0.05
-"""Of a sample of the speed."""
+"""Of a sample of the speed, and of the yaw rate."""
+YAW_RATE_EVERY_S, YAW_RATE_SIGMA_RAD_S = 0.02, 0.005
+"""Period of the yaw rate on the bus, and its noise."""
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.5, 1.8, 1.5
 
 CarsAt = Callable[[float], Mapping[str, CarState]]
@@ -49,6 +52,7 @@ class WiredVehicle:
         receivers: ReceiverSettings,
         risk: RiskSettings,
         beacons: bool = False,
+        has_yaw_rate: bool = False,
     ) -> None:
         """Start all wires at phases of their own.
 
@@ -60,6 +64,7 @@ class WiredVehicle:
             receivers: errors of the receiver.
             risk: thresholds of the alarms.
             beacons: whether it sends BSMs.
+            has_yaw_rate: whether its bus has a yaw rate, which has been found right before.
         """
         self.drive = drives[name]
         own_rng, sky_rng, camera_rng, self.rng = rng.spawn(4)
@@ -72,12 +77,18 @@ class WiredVehicle:
         self._nmea = NmeaReader(GnssSettings(latency_s=receivers.latency_s))
         self._objects = ObjectListReader()
         self._speed_at, self.assesses_at = float(phases_s[1]), float(phases_s[2])
+        self._yaw_rate_at = self._speed_at if has_yaw_rate else math.inf
         sensors = {Sensor.POSITION, *([] if detector is None else [Sensor.DETECTOR])}
         self.vehicle = vehicle(name, risk, sensors, self.assesses_at, self.rng, beacons=beacons)
 
     def get_timer(self) -> float:
         """Return when a wire or the vehicle is next due."""
-        wires = [self._receiver.get_timer(), self._speed_at, self.vehicle.get_timer()]
+        wires = [
+            self._receiver.get_timer(),
+            self._speed_at,
+            self._yaw_rate_at,
+            self.vehicle.get_timer(),
+        ]
         return min(*wires, math.inf if self._detector is None else self._detector.get_timer())
 
     def read_wires(self, now: float) -> Speed | None:
@@ -89,7 +100,19 @@ class WiredVehicle:
         for event in (*iter(self._nmea.next_event, None), *iter(self._objects.next_event, None)):
             if isinstance(event, Observation):
                 self.vehicle.receive_observation(event, now)
+        self._read_yaw_rate(now)
         return self._read_speed(now)
+
+    def _read_yaw_rate(self, now: float) -> None:
+        if now < self._yaw_rate_at:
+            return
+        self._yaw_rate_at += YAW_RATE_EVERY_S
+        at_s = now - SPEED_AGE_S
+        before, after = (self.drive.state(at_s + side * STEP_S / 2.0) for side in (-1.0, 1.0))
+        turned_rad = math.remainder(after.heading_rad - before.heading_rad, math.tau)
+        noise_rad_s = YAW_RATE_SIGMA_RAD_S * self.rng.standard_normal()
+        yaw_rate_rad_s = turned_rad / STEP_S + noise_rad_s
+        self.vehicle.host.receive_observation(YawRate(at_s, yaw_rate_rad_s, "can"))
 
     def _read_speed(self, now: float) -> Speed | None:
         if now < self._speed_at:

@@ -90,11 +90,26 @@ def test_a_standing_car_is_warned_of_by_radar_and_the_run_is_the_same_every_time
 
 
 def test_without_a_sensor_only_the_other_cars_messages_tell_of_it() -> None:
-    heard = ProceduresSettings(procedures=(ProcedureName.NHTSA_IMA,), profiles=("bsm",))
+    """Both at 20 km/h, where drivers could stop in a few metres."""
+    heard = ProceduresSettings(procedures=(ProcedureName.CCCSCP,), profiles=("bsm",))
     unseen = heard.model_copy(update={"profiles": ("plate-camera",)})
 
-    assert STUDY.one(heard, 0).cause == "ima"
+    row = STUDY.one(heard, 0)
+    assert row.cause == "ima"
+    assert row.lead_s is not None
+    assert row.lead_s >= row.asked_s
     assert STUDY.one(unseen, 0).cause == ""
+
+
+@pytest.mark.long
+def test_a_left_turn_is_known_as_it_begins() -> None:
+    turns = ProceduresSettings(procedures=(ProcedureName.CCFTAP,), profiles=("bsm",), runs=1)
+
+    row = STUDY.one(turns, len(PROCEDURES[ProcedureName.CCFTAP]) - 1)
+
+    assert row.cause == "lta"
+    assert row.lead_s is not None
+    assert row.lead_s >= row.asked_s
 
 
 @pytest.mark.long
