@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -26,6 +27,15 @@ ASIDE_M = 1.5
 """Error of a position, within which a vehicle may be on a lane beside it."""
 
 
+RED = frozenset({MovementPhaseState.STOP_AND_REMAIN})
+GREEN = frozenset(
+    {
+        MovementPhaseState.PERMISSIVE_MOVEMENT_ALLOWED,
+        MovementPhaseState.PROTECTED_MOVEMENT_ALLOWED,
+    }
+)
+
+
 @dataclass(frozen=True, slots=True)
 class ApproachedSignal:
     """The stop line ahead of a vehicle, and what the signals there show."""
@@ -38,11 +48,9 @@ class ApproachedSignal:
     phases: tuple[SignalPhase, ...] | None
     """Of all ways on from all lanes that the vehicle may be on; `None` if one is unknown."""
 
-    @property
-    def red_for_s(self) -> float | None:
-        """Time for which all ways on stay red at least; `None` if one is not red or unknown."""
-        red = MovementPhaseState.STOP_AND_REMAIN
-        if not self.phases or any(each.state is not red for each in self.phases):
+    def shown_for_s(self, colour: AbstractSet[MovementPhaseState]) -> float | None:
+        """Time for which all ways on keep a colour at least; `None` if one is not so or unknown."""
+        if not self.phases or any(each.state not in colour for each in self.phases):
             return None
         return min(each.min_left_s or 0.0 for each in self.phases)
 

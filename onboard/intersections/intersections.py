@@ -2,6 +2,7 @@
 
 import math
 from collections import OrderedDict, deque
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,13 +10,13 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.intersections.intersection import ApproachedSignal, Intersection
+from onboard.intersections.intersection import GREEN, RED, ApproachedSignal, Intersection
 from onboard.intersections.signal_phase import message_age_s
 from onboard.kinematics.geodesy import distance_m
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.lanes import IntersectionReferenceId
 from onboard.messages.map_data import IntersectionGeometry, MapData
-from onboard.messages.spat import Spat
+from onboard.messages.spat import MovementPhaseState, Spat
 from onboard.observations import Discarded, Position
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -116,11 +117,21 @@ class Intersections(Core):
 
     def red_light_m(self, vehicle: PerceivedObject) -> float | None:
         """Return a vehicle's distance to its stop line in m if it has red until it is there."""
+        return self._light_m(vehicle, RED)
+
+    def green_light_m(self, vehicle: PerceivedObject) -> float | None:
+        """Return the same if it has green until it is there."""
+        return self._light_m(vehicle, GREEN)
+
+    def _light_m(
+        self, vehicle: PerceivedObject, colour: AbstractSet[MovementPhaseState]
+    ) -> float | None:
         signal = self.signal_ahead(vehicle)
-        if signal is None or signal.red_for_s is None:
+        shown_s = None if signal is None else signal.shown_for_s(colour)
+        if signal is None or shown_s is None:
             return None
-        is_red_there = signal.red_for_s * math.hypot(*vehicle.state[2:]) >= signal.distance_m
-        return signal.distance_m if is_red_there else None
+        is_shown_there = shown_s * math.hypot(*vehicle.state[2:]) >= signal.distance_m
+        return signal.distance_m if is_shown_there else None
 
     @override
     def next_event(self) -> SignalAhead | Discarded | None:

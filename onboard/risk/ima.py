@@ -14,7 +14,6 @@ from onboard.risk.alarm import Assessment, Cause, Level, object_reason
 from onboard.risk.application import Application, Assessed
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.driver_reaction import for_driver
-from onboard.risk.expected_stop import is_expected_to_stop
 from onboard.risk.left_turn import (
     begun_turn_radius_m,
     has_known_turn,
@@ -22,12 +21,14 @@ from onboard.risk.left_turn import (
     left_turn_radius_m,
 )
 from onboard.risk.mean_collision_probability import (
+    BRAKING_M_S2,
     MAX_ACCELERATION_M_S2,
     DrivenVehicle,
     mean_collision_probabilities,
 )
 from onboard.risk.path_crossing import CovarianceError, PathCrossing, path_crossing
 from onboard.risk.settings import RiskSettings
+from onboard.risk.signal_intent import Intent, signal_intent
 from onboard.risk.situation import Situation
 from onboard.risk.slow_vehicle import with_heading
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -40,6 +41,9 @@ KNOWN_FOR_S = 0.6
 is not taken to drive on."""
 HORIZON_S = 4.0
 """A vehicle that cannot be at the crossing by then, even if it accelerates, raises none yet."""
+LARGEST_CROSSING_M = 20.0
+"""From a stop line to the place that both cross. Behind a line that is farther away a driver may
+stop at another one, whatever a message says of this one."""
 _Found = tuple[PerceivedObject, PathCrossing, DrivenVehicle]
 
 
@@ -69,9 +73,17 @@ class _CrossingPaths(Application):
         if (radius_m is not None) is not self.host_turns_left:
             return []
         reaction_s = for_driver(self._settings.fcw, situation.reaction_s).reaction_s
-        if is_expected_to_stop(
-            situation.own, situation.own_size_m[0], situation.red_light_m, reaction_s
-        ):
+        known_m_s2 = situation.host.acceleration_m_s2(situation.now)
+        along_m_s2 = _along_m_s2(own, known_m_s2, situation)
+        intent = signal_intent(
+            situation.own,
+            situation.own_size_m[0],
+            situation.signals,
+            along_m_s2,
+            reaction_s=reaction_s,
+            braking_m_s2=BRAKING_M_S2,
+        )
+        if intent is Intent.STOPS:
             return []
         found, discarded = _find(own, radius_m, situation)
         if not found:
@@ -82,9 +94,10 @@ class _CrossingPaths(Application):
             _driven(
                 own,
                 situation.own_size_m,
-                situation.host.acceleration_m_s2(situation.now),
+                along_m_s2,
                 situation,
                 turns=radius_m is not None,
+                intent=intent,
             ),
             reaction_s=reaction_s,
         )
@@ -135,11 +148,29 @@ def _find(
         if crossing is None or not _is_soon(crossing) or _is_bridge(each, crossing, data):
             continue
         size_m = data.size_m(each.name)
-        if not is_expected_to_stop(each, size_m[0], situation.red_light_m):
-            turns, known_m_s2 = radius_m is not None, each.acceleration_m_s2
-            driven = _driven(each, size_m, known_m_s2, situation, turns=turns)
+        along_m_s2 = _along_m_s2(each, each.acceleration_m_s2, situation)
+        intent = signal_intent(each, size_m[0], situation.signals, along_m_s2)
+        if intent is Intent.PASSES_RED and _is_far_behind_its_line(each, crossing, situation):
+            intent = None
+        if intent is not Intent.STOPS:
+            turns = radius_m is not None
+            driven = _driven(each, size_m, along_m_s2, situation, turns=turns, intent=intent)
             found.append((each, crossing, driven))
     return found, discarded
+
+
+def _along_m_s2(
+    each: PerceivedObject, known_m_s2: float | None, situation: Situation
+) -> float | None:
+    """Return the acceleration along the course; a known one comes before the estimate."""
+    return situation.motions[each.name].acceleration_m_s2 if known_m_s2 is None else known_m_s2
+
+
+def _is_far_behind_its_line(
+    other: PerceivedObject, crossing: PathCrossing, situation: Situation
+) -> bool:
+    line_m = situation.signals.red_light_m(other)
+    return line_m is not None and float(crossing.mean[2]) - line_m > LARGEST_CROSSING_M
 
 
 def _left_turn_radius_m(
@@ -154,18 +185,26 @@ def _left_turn_radius_m(
 def _driven(
     each: PerceivedObject,
     size_m: tuple[float, float],
-    known_m_s2: float | None,
+    along_m_s2: float | None,
     situation: Situation,
     *,
     turns: bool,
+    intent: Intent | None,
 ) -> DrivenVehicle:
-    """Return size and accelerations; a known acceleration comes before the estimate."""
-    motion = situation.motions[each.name]
-    lateral_m_s2 = 0.0 if turns else motion.lateral_m_s2  # the distance is along the turn
+    """Return size, accelerations and intent."""
+    lateral_m_s2 = situation.motions[each.name].lateral_m_s2
+    if turns:
+        lateral_m_s2 = 0.0  # the distance is along the turn
     if each.age_s > KNOWN_FOR_S and each.source is not ObjectSource.HOST:
         lateral_m_s2 = None
-    along_m_s2 = motion.acceleration_m_s2 if known_m_s2 is None else known_m_s2
-    return DrivenVehicle(*size_m, along_m_s2, lateral_m_s2, turns)
+    return DrivenVehicle(
+        *size_m,
+        along_m_s2,
+        lateral_m_s2,
+        turns_left=turns,
+        passes_red=intent is Intent.PASSES_RED,
+        passes_green=intent is Intent.PASSES_GREEN and not turns,
+    )
 
 
 def _crossing(

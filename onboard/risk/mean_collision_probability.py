@@ -30,8 +30,8 @@ STOPPING_M_S2 = 2.5
 """A driver who would need more than this to stop short of the other's path, and does not brake, is
 taken to drive on. Drivers who stop brake less, and begin sooner."""
 STOPPING_S = 1.7
-"""So is another driver who is this close to it by his speed: from low speeds drivers stop gently,
-and what they would need says nothing in time."""
+"""So is another driver who is this close to it by his speed, and does not turn: from low speeds
+drivers stop gently, and what they would need says nothing in time."""
 STOPPING_LATE_M_S2 = 3.5
 """The same for a driver who has begun to brake (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
@@ -78,6 +78,10 @@ class DrivenVehicle:
     """Across its course, in a bend; `None`: not known."""
     turns_left: bool = False
     """Across the path of the other, which has the right of way."""
+    passes_red: bool = False
+    """By its signal, at which its driver does not stop any more."""
+    passes_green: bool = False
+    """By its signal."""
 
 
 def mean_collision_probabilities(
@@ -128,7 +132,7 @@ def _drive_on(
     The host's driver, who is to be warned, needs time to react, unless he brakes. So does another
     driver who still accelerates, and who goes on accelerating in that time. Both must be known to
     go straight on: in a bend, the courses of all oncoming vehicles cross the host's. Nobody stops
-    for a host vehicle that turns left and has to yield.
+    for a host vehicle that turns left and has to yield. Signals say so sooner.
     """
     if not crossings or own.acceleration_m_s2 is None or not _goes_straight(own):
         return np.zeros(len(crossings), dtype=bool)
@@ -141,9 +145,14 @@ def _drive_on(
     straight = np.array([_goes_straight(each) for each in others])
     brakes = np.array([(each.acceleration_m_s2 or 0.0) <= -ANSWERING_M_S2 for each in others])
     room_m, other_reactions_s = other_d - half_other, np.where(gaining > 0.0, REACTION_S, 0.0)
-    keeps_on = ~brakes & (own.turns_left | (room_m <= STOPPING_S * other_v))
+    turns = np.array([each.turns_left for each in others])
+    keeps_on = ~brakes & (own.turns_left | (~turns & (room_m <= STOPPING_S * other_v)))
     own_m = own_d - half
     accepts = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
+    passes_green = np.array([each.passes_green for each in others])
+    accepts |= own.passes_red | (own.passes_green & ~passes_green)  # both: no signal parts them
+    keeps_on |= np.array([each.passes_red for each in others])
+    keeps_on |= passes_green & (not own.passes_green)
     return (
         straight
         & (accepts | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes))

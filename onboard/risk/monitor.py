@@ -19,10 +19,10 @@ from onboard.risk import alarm_table
 from onboard.risk.alarm import Alarm, AlarmKey, Assessment, Cause, Level
 from onboard.risk.application import Application, Assessed
 from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.raised_alarms import OneAlarm, VehicleAlarms
 from onboard.risk.settings import RiskSettings
+from onboard.risk.signal_intent import NO_SIGNALS, Signals
 from onboard.risk.situation import Situation
 from onboard.risk.vehicle_motion import TREND_WINDOW_S, VehicleMotion
 from onboard.sensors.host_state import HostState
@@ -112,7 +112,7 @@ class RiskMonitor(Core):
         own: PerceivedObject | None,
         objects: Sequence[PerceivedObject],
         now: float,
-        red_light_m: RedLight = no_red_light,
+        signals: Signals = NO_SIGNALS,
         heading: Heading | None = None,
     ) -> None:
         """Assess every cause; to be called at 10 Hz, also when nothing arrives.
@@ -121,13 +121,13 @@ class RiskMonitor(Core):
             own: the host vehicle; `None` without a position.
             objects: the perceived objects, in the same frame, predicted to `now`.
             now: the time.
-            red_light_m: finds the red signal of a vehicle.
+            signals: those of intersections.
             heading: of the host vehicle, kept at rest.
         """
         self._bsm_data.drop_old(now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
         self._follow([] if own is None else [*others, own], now)
-        situation = self._situation(now, own, others, heading, red_light_m)
+        situation = self._situation(now, own, others, heading, signals)
         for kind in self._kinds:
             self._judge(kind, kind.application.assess(situation), now)
 
@@ -142,7 +142,7 @@ class RiskMonitor(Core):
         own: PerceivedObject | None = None,
         others: Sequence[PerceivedObject] = (),
         heading: Heading | None = None,
-        red_light_m: RedLight = no_red_light,
+        signals: Signals = NO_SIGNALS,
     ) -> Situation:
         """Return the situation; between assessments no positions are known."""
         return Situation(
@@ -156,7 +156,7 @@ class RiskMonitor(Core):
             own,
             others,
             heading,
-            red_light_m,
+            signals,
         )
 
     def _follow(self, objects: Sequence[PerceivedObject], now: float) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from onboard.kinematics.heading import Heading
 from onboard.observations import Speed
 from onboard.risk.bsm_data import BsmDataStore
-from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.path_ahead import PathAhead
+from onboard.risk.signal_intent import NO_SIGNALS, Signals
 from onboard.risk.vehicle_motion import VehicleMotion
 from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import PerceivedObject
@@ -37,8 +37,8 @@ class Situation:
     """The perceived objects, in the same frame, predicted to `now`; none while `own` is `None`."""
     heading: Heading | None = None
     """Of the host vehicle, kept at rest."""
-    red_light_m: RedLight = no_red_light
-    """Finds the red signal of a vehicle."""
+    signals: Signals = NO_SIGNALS
+    """Those of intersections."""
 
     @property
     def speed(self) -> Speed | None:

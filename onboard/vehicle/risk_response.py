@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
 from onboard.kinematics.heading import Heading
-from onboard.risk.expected_stop import RedLight, no_red_light
 from onboard.risk.monitor import Admit, RiskMonitor
 from onboard.risk.settings import RiskSettings
+from onboard.risk.signal_intent import NO_SIGNALS, Signals
 from onboard.sensors.host_state import HostState
 from onboard.step import HostObservation
 from onboard.trace.trace_line import Event
@@ -71,15 +71,15 @@ class RiskResponse:
         *,
         heading: Heading | None,
         sensed: Sequence[PerceivedObject] = (),
-        red_light_m: RedLight = no_red_light,
+        signals: Signals = NO_SIGNALS,
     ) -> None:
         """Assess every cause, at 10 Hz; as `RiskMonitor`.
 
         `sensed` is what own sensors alone measure, for requests to brake.
         """
-        self.monitor.assess(own, objects, now, red_light_m, heading)
+        self.monitor.assess(own, objects, now, signals, heading)
         if self._sensed_monitor is not None:
-            self._sensed_monitor.assess(own, sensed, now, red_light_m, heading)
+            self._sensed_monitor.assess(own, sensed, now, signals, heading)
         self._request_braking(now)
 
     def _request_braking(self, now: float) -> None:

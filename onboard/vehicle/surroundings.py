@@ -75,7 +75,7 @@ class Surroundings:
             now,
             heading=heading,
             sensed=mvs.sensed_objects(now),
-            red_light_m=self._intersections.red_light_m,
+            signals=self._intersections,
         )
         self._identification.receive_offsets(
             {}

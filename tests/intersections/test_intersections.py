@@ -146,6 +146,8 @@ def test_between_two_lanes_all_signals_count() -> None:
 def test_red_until_arrival_has_the_distance(listener: Listener) -> None:
     assert listener.core.red_light_m(NORTHWARDS) == pytest.approx(40.0, abs=0.1)
     assert listener.core.red_light_m(EASTWARDS) is None, "it has green"
+    assert listener.core.green_light_m(EASTWARDS) == pytest.approx(40.0, abs=0.1)
+    assert listener.core.green_light_m(NORTHWARDS) is None
 
 
 def test_red_is_not_on_all_ways_of_a_lane_with_one_that_has_no_signal() -> None:

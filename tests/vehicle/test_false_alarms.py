@@ -22,9 +22,8 @@ NOWHERE = {
     AttackKind.TOWED,
 }
 """Brakings that are not ahead in the lane: they raise no alarm, whatever is checked of claims."""
-INVENTIONS = sorted(
-    set(CLAIMS) - NOWHERE - {AttackKind.SAME_ID, AttackKind.SDSM, AttackKind.SIGNALS}
-)
+_OTHERS = {AttackKind.SAME_ID, AttackKind.SDSM, AttackKind.SIGNALS, AttackKind.EARLY_SIGNALS}
+INVENTIONS = sorted(set(CLAIMS) - NOWHERE - _OTHERS)
 """What a certificate for BSMs permits."""
 
 

@@ -46,7 +46,7 @@ from sim_rig.studies.attacks.forged_messages import (
     StatementFlood,
     Unread,
 )
-from sim_rig.studies.attacks.forged_signals import red_for
+from sim_rig.studies.attacks.forged_signals import early_red_for, red_for
 from sim_rig.studies.attacks.group_attacks import (
     group_brakings,
     group_ends,
@@ -59,6 +59,8 @@ PASS_S = 6.0
 """Time in which an invented vehicle comes to the place where it would hit the host."""
 TRUE_EVERY_S = 20.0
 """Between true vehicles."""
+STOPPING_M_S2, STANDS_M = 2.5, 8.5
+"""How a vehicle stops that yields to the host, and how far from its path."""
 SEEN_S = 1.2
 """Before the conflict, the host's detector sees a true vehicle: houses stand 12 m from the road."""
 
@@ -84,6 +86,7 @@ class AttackKind(StrEnum):
     PSEUDONYMS = "crossing vehicles, three under each of 20 pseudonyms"
     SAME_ID = "IDs of true vehicles"
     SIGNALS = "red lights for true vehicles, by MAP and SPAT"
+    EARLY_SIGNALS = "red lights long before where vehicles stop, by MAP and SPAT"
     GROUP_ENDS = "ends of the leader's brakings"
     GROUP_EARLY = "brakings of the leader before it brakes"
     GROUP_BRAKINGS = "brakings of invented vehicles in the group"
@@ -256,6 +259,28 @@ def red_lights(host: AttackedHost, signer: Signer, _insider: int, now: float) ->
     yield from red_for((0.0, host.north_m + SPEED_M_S * left_s), host, signer, now)
 
 
+def early_red_lights(
+    host: AttackedHost, signer: Signer, insider: int, now: float
+) -> Iterator[bytes]:
+    """A vehicle from the left stops for the host; red lights long before say that it will not."""
+    number, into_s = divmod(now + 1.1 * insider, PASS_S)
+    left_m = SPEED_M_S * (PASS_S - into_s)
+    stopping_m = SPEED_M_S**2 / (2.0 * STOPPING_M_S2)
+    begins_m = stopping_m + STANDS_M
+    braked_s = max(begins_m - left_m, 0.0) / SPEED_M_S
+    braked_s = min(braked_s, SPEED_M_S / STOPPING_M_S2)
+    way_m = SPEED_M_S * braked_s - STOPPING_M_S2 * braked_s**2 / 2.0
+    place_m = (-(max(left_m, begins_m) - way_m), host.north_m + left_m)
+    yield signer.bsm_at(
+        place_m,
+        (SPEED_M_S - STOPPING_M_S2 * braked_s, 0.0),
+        now,
+        temporary_id=_id(insider, int(number)),
+        acceleration_m_s2=-STOPPING_M_S2 if braked_s > 0.0 else 0.0,
+    )
+    yield from early_red_for((0.0, host.north_m + left_m), host, signer, now)
+
+
 def eternal(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
     """Always on collision course, and always two seconds away."""
     ahead_m = 2.0 * SPEED_M_S + 3.0 * insider
@@ -334,6 +359,7 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.SIGNALS: red_lights,
     AttackKind.CAM: crossing_bsm,
     AttackKind.DENM: braking_by_denm,
+    AttackKind.EARLY_SIGNALS: early_red_lights,
 }
 """The messages of each attack by BSMs."""
 BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.DENM})

@@ -17,7 +17,7 @@ from onboard.messages import lcca
 from onboard.messages.lcca import LccaMessage, Warn
 from onboard.misbehaviour.alarm_claims import AlarmClaims
 from onboard.misbehaviour.misbehaviour_detection import MisbehaviourDetector
-from onboard.risk import braking_ahead
+from onboard.risk import braking_ahead, ima
 from onboard.risk.stream_motion import StreamMotion
 from onboard.security.security_services import SecurityServices
 from onboard.vehicle.lcca_link import LccaLink
@@ -188,3 +188,12 @@ def test_a_red_light_of_an_insider_who_may_send_it_silences_a_true_alarm() -> No
     counts = _run(AttackKind.SIGNALS, checks=False)
 
     assert (counts.true_alarms, counts.true_missed) == (1, 1)
+
+
+def test_a_red_light_long_before_where_a_vehicle_stops_alarms_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert _run(AttackKind.EARLY_SIGNALS, checks=False).false_alarms == 0
+
+    monkeypatch.setattr(ima, "LARGEST_CROSSING_M", 1e9)
+    assert _run(AttackKind.EARLY_SIGNALS, checks=False).false_alarms > 0
