@@ -153,11 +153,10 @@ def _drive_on(
     accepts |= own.passes_red | (own.passes_green & ~passes_green)  # both: no signal parts them
     keeps_on |= np.array([each.passes_red for each in others])
     keeps_on |= passes_green & (not own.passes_green)
-    return (
-        straight
-        & (accepts | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes))
-        & (keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes))
-    )
+    own_drives_on = accepts | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes)
+    other_drives_on = keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes)
+    both: NDArray[np.bool_] = straight & own_drives_on & other_drives_on
+    return both
 
 
 def _goes_straight(vehicle: DrivenVehicle) -> bool:

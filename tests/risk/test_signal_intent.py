@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from typing_extensions import override
 
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.signal_intent import COMFORTABLE_M_S2, NO_SIGNALS, Intent, Signals, signal_intent
@@ -163,6 +164,7 @@ def test_a_host_driver_who_may_still_stop_at_red_is_not_warned() -> None:
 
 def test_a_signal_of_others_changes_nothing() -> None:
     class Elsewhere(Lights):
+        @override
         def red_light_m(self, vehicle: PerceivedObject, /) -> float | None:
             return 500.0 if math.hypot(*vehicle.state[2:]) < 1.0 else None
 

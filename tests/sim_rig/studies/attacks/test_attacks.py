@@ -35,7 +35,7 @@ def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_pat
     _, unchecked, checked = (tmp_path / "table.csv").read_text().splitlines()
     assert unchecked.startswith('"crossing vehicle, by BSM",1,False,1,40,')
     assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,4,')
-    assert ",2,0,2.5," in checked
+    assert ",2,0,3," in checked
 
 
 @pytest.mark.long
