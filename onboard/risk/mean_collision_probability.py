@@ -30,8 +30,8 @@ STOPPING_M_S2 = 2.5
 """A driver who would need more than this to stop short of the other's path, and does not brake, is
 taken to drive on. Drivers who stop brake less, and begin sooner."""
 STOPPING_S = 1.7
-"""So is another driver who is this close to it by his speed, and does not turn: from low speeds
-drivers stop gently, and what they would need says nothing in time."""
+"""So is another driver who is this close to it by his speed: from low speeds drivers stop gently,
+and what they would need says nothing in time."""
 STOPPING_LATE_M_S2 = 3.5
 """The same for a driver who has begun to brake (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
@@ -145,8 +145,7 @@ def _drive_on(
     straight = np.array([_goes_straight(each) for each in others])
     brakes = np.array([(each.acceleration_m_s2 or 0.0) <= -ANSWERING_M_S2 for each in others])
     room_m, other_reactions_s = other_d - half_other, np.where(gaining > 0.0, REACTION_S, 0.0)
-    turns = np.array([each.turns_left for each in others])
-    keeps_on = ~brakes & (own.turns_left | (~turns & (room_m <= STOPPING_S * other_v)))
+    keeps_on = ~brakes & (own.turns_left | (room_m <= STOPPING_S * other_v))
     own_m = own_d - half
     accepts = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
     passes_green = np.array([each.passes_green for each in others])

@@ -8,6 +8,7 @@ The host's bus has the yaw rate that every BSM carries.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from pydantic import Field
@@ -120,13 +121,16 @@ def _first_warning(
         OTHER: TrajectoryDrive(procedure.other.trajectory(OTHER), HEIGHT_M),
     }
     detector = SENSOR_PROFILES.get(profile)
-    receivers, risk = settings.receivers, settings.risk
-    host = WiredVehicle(
-        HOST, drives, detector, rng, receivers=receivers, risk=risk, has_yaw_rate=True
+    wired = partial(
+        WiredVehicle,
+        drives=drives,
+        rng=rng,
+        receivers=settings.receivers,
+        risk=settings.risk,
+        sky_seed=int(rng.integers(2**32)),
     )
-    other = WiredVehicle(
-        OTHER, drives, None, rng, receivers=receivers, risk=risk, beacons=profile == BSM
-    )
+    host = wired(HOST, detector=detector, has_yaw_rate=True)
+    other = wired(OTHER, detector=None, beacons=profile == BSM)
     while (now := min(host.get_timer(), other.get_timer())) < contact_s:
         for car in (host, other):
             sampled = car.read_wires(now) is not None

@@ -53,6 +53,7 @@ class WiredVehicle:
         risk: RiskSettings,
         beacons: bool = False,
         has_yaw_rate: bool = False,
+        sky_seed: int | None = None,
     ) -> None:
         """Start all wires at phases of their own.
 
@@ -65,9 +66,12 @@ class WiredVehicle:
             risk: thresholds of the alarms.
             beacons: whether it sends BSMs.
             has_yaw_rate: whether its bus has a yaw rate, which has been found right before.
+            sky_seed: source of the errors that receivers share; of its own if `None`.
         """
         self.drive = drives[name]
         own_rng, sky_rng, camera_rng, self.rng = rng.spawn(4)
+        if sky_seed is not None:
+            sky_rng = np.random.default_rng(sky_seed)
         phases_s = rng.uniform(0.0, EVERY_S, 3)
         self._receiver = GnssReceiver(receivers, self.drive.state, START_UTC_S, own_rng, sky_rng)
         self._detector: ExternalDetector | None = None
