@@ -57,8 +57,9 @@ class AlarmClaims:
                 an alarm.
         """
         self.credibility = SignerCredibility(is_road_side_unit)
-        self.unconfirmed = SignerCredibility(is_road_side_unit)
-        """Of the alarms that nothing confirms, true or not."""
+        self.unconfirmed = SignerCredibility(is_road_side_unit, math.inf)
+        """Of the alarms that nothing confirms, true or not: each is paid for until it is over, for
+        who waits for a gap signals on beside an honest vehicle."""
         self._signer_of = signer_of
         self._has_sight = has_sight
         self._host = host

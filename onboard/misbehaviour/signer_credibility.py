@@ -116,9 +116,19 @@ class _Claim:
 class SignerCredibility(Core):
     """Charges of the signers, and the claims that they were charged for lately."""
 
-    def __init__(self, is_road_side_unit: Callable[[bytes], bool] = lambda _signer: False) -> None:
-        """Start without charges; `is_road_side_unit` tells whether a signer is one."""
+    def __init__(
+        self,
+        is_road_side_unit: Callable[[bytes], bool] = lambda _signer: False,
+        claim_s: float = CLAIM_S,
+    ) -> None:
+        """Start without charges.
+
+        Args:
+            is_road_side_unit: whether a signer is one.
+            claim_s: time for which an alarm is paid for.
+        """
         self._is_road_side_unit = is_road_side_unit
+        self._claim_s = claim_s
         self._charges: OrderedDict[bytes, _Charges] = OrderedDict()
         self._claims: OrderedDict[tuple[str, str], _Claim] = OrderedDict()
         self._speeds: deque[tuple[float, float]] = deque(maxlen=64)
@@ -186,7 +196,7 @@ class SignerCredibility(Core):
         self._claims[alarm, vehicle] = _Claim(
             tuple(payers),
             now,
-            now + CLAIM_S,
+            now + self._claim_s,
             slows_traffic,
             weight,
         )
@@ -226,7 +236,7 @@ class SignerCredibility(Core):
             charges = self._charges.setdefault(signer, _Charges())
             charges.add(-1.0 / payers, -claim.weight / payers, now)
         claim.signers = ()
-        claim.ends_at = now + CLAIM_S
+        claim.ends_at = now + self._claim_s
 
     def _has_slowed(self, now: float) -> bool:
         """Whether the traffic ahead brakes, or has just braked: its speed varies all the time."""

@@ -9,8 +9,10 @@ from onboard.misbehaviour.signer_credibility import MOST_ALARMS, PASSING_ON
 from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
 from onboard.risk.braking_ahead import BRAKING_AHEAD
+from onboard.risk.bsw import BSW
 from onboard.risk.lcca_warning import LCCA
 from onboard.sensors.host_state import SPEED_VALID_S, HostState
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.lcca_warnings import lcca_warning
 
 ORIGIN, SIGNER = b"12345678", b"signer 1"
@@ -183,3 +185,20 @@ def test_a_braking_ahead_without_positions_is_charged_to_who_signs_its_bsm() -> 
 
     assert admitted == [True] * MOST_ALARMS + [False]
     assert claims.credibility.is_ignored(SIGNER, 100.0)
+
+
+def test_a_vehicle_that_stays_in_the_blind_spot_is_warned_of_until_it_has_gone() -> None:
+    """After half a minute there had been no alarm any more: it was charged for every 10 s."""
+    claims = claims_of_nothing()
+    claims.alarming([vehicle("0a0b0c0d")], 0.0)
+    reason = AlarmReason("perceived_object:bsm", "0a0b0c0d", 0.0)
+    beside = Assessment(Level.WARNING, 0.9, (reason,), "0a0b0c0d")
+
+    assert all(claims.admit(BSW, beside, 0.1 * step) for step in range(1200))
+    again = [claims.admit(BSW, beside, 200.0 + 10.0 * number) for number in range(MOST_ALARMS)]
+    assert again == [True] * (MOST_ALARMS - 1) + [False]
+
+
+def vehicle(name: str) -> PerceivedObject:
+    state = 0.0, 0.0, 0.0, 20.0
+    return PerceivedObject(0.0, name, ObjectSource.BSM, state, ((1.0,),), 0.1, frozenset())
