@@ -2,7 +2,7 @@
 
 Each vehicle of three recorded platoons compares the last 80 s of its speed with those of all
 others, through speedometers with steps of 1 km/h and errors of half a percent. Those of its own
-platoon are ahead or behind, and those of the other two are strangers, each at another time of its
+platoon are ahead or behind, and those of the other two elsewhere, each at another time of its
 drive. The recordings (`RIG_DATA` names their folder) are not part of the repository.
 """
 
@@ -24,7 +24,7 @@ from sim_rig.roads.trace_files import read_trace
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "platoons"
 EVERY_S, ALIKE_M_S = 30.0, 0.5
 SAMPLES = WINDOW + LAGS
-KINDS = ("ahead", "behind", "stranger")
+KINDS = ("ahead", "behind", "elsewhere")
 
 
 def measure() -> Iterator[Figure]:
@@ -56,12 +56,12 @@ def _compared(
 ) -> Iterator[tuple[str, float, bool]]:
     """Yield for each vehicle what another one is to it, the evidence, and if means are alike."""
     platoon, step = platoons[number], round(SAMPLE_S / STEP_S)
-    strangers = [
+    elsewhere = [
         each for other in range(len(platoons)) if other != number for each in platoons[other]
     ]
     for end in range(SAMPLES * step, len(platoon[0]), round(EVERY_S / STEP_S)):
         drives = [each[:end] for each in platoon]
-        drives += [each[: rng.integers(SAMPLES * step, len(each))] for each in strangers]
+        drives += [each[: rng.integers(SAMPLES * step, len(each))] for each in elsewhere]
         shown = [_shown(each[::-1][: SAMPLES * step : step][::-1], rng) for each in drives]
         for host in range(len(platoon)):
             motion = StreamMotion()
