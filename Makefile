@@ -96,6 +96,11 @@ drives: .venv/ready ## records the drives of the tests anew
 box: .venv/ready ## everything to install on a box, in build/box
 	sh deploy/box.sh build/box
 
+# Fresh clone, fresh home, then the wheel in an empty folder; `sh tools/newcomer.sh long` has demo and test too.
+.PHONY: newcomer
+newcomer: ## the first hour, each step timed
+	sh tools/newcomer.sh
+
 lint: .venv/ready ## style and types only
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
