@@ -196,6 +196,38 @@ def play(
 
 
 @app.command()
+def score(
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Names that `list` shows, or YAML files; without any, all.",
+            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+        ),
+    ] = None,
+    *,
+    box: Annotated[
+        Path | None,
+        typer.Option(
+            help="The file of a box, which drives as the car with its plate; without one, this"
+            " build drives all cars, in virtual time."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the table and the runs.")] = Path(
+        "out/score"
+    ),
+) -> None:
+    """Run all scenarios with a box: one table, and one number.
+
+    Exit with 1 if a scenario failed, and with 3 if one could not be judged.
+    """
+    from sim_rig.studies.score.score import score_scenarios  # noqa: PLC0415 (see above)
+
+    with _writing(out):
+        outcome = score_scenarios(box, scenarios or (), out)
+    raise typer.Exit(outcome)
+
+
+@app.command()
 def doctor(
     file: Annotated[
         Path, typer.Argument(help="The file of a box; its name without .yaml is the car's.")

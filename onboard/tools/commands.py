@@ -56,7 +56,7 @@ COMMANDS = {
     "schema": Command(
         "onboard.tools.schema_cli",
         "schema",
-        "Print the JSON schema of the trace's lines, which the live interface sends, too.",
+        "Print the JSON schema of the trace. The live interface sends its lines, too.",
     ),
     "decode": Command(
         "onboard.tools.decode.cli",

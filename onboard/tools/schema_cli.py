@@ -96,5 +96,5 @@ def schema_of(events: tuple[type[Event], ...] = TRACED) -> dict[str, Any]:
 
 
 def schema() -> None:
-    """Print the JSON schema of the trace's lines, which the live interface sends, too."""
+    """Print the JSON schema of the trace. The live interface sends its lines, too."""
     typer.echo(json.dumps(schema_of(), indent=2))

@@ -1,0 +1,1 @@
+"""The scenario pack against a box from outside: one table and one number."""
