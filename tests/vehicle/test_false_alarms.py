@@ -29,6 +29,7 @@ INVENTIONS = sorted(set(CLAIMS) - NOWHERE - _OTHERS)
 
 def attacked(attack: AttackKind, *, checks: bool = True, detector: bool = True) -> AttackedHost:
     host = AttackedHost(ALICE, UTC_S, checks=checks, detector=detector)
+    host.signals = "left" if attack is AttackKind.BLIND_SPOT else None
     host.drive(ATTACK_S, partial(CLAIMS[attack], host, Signer(CAROL, UTC_S), 0))
     return host
 
