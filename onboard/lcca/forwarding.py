@@ -48,11 +48,12 @@ _EARLY_S = 0.5
 """An acknowledgement comes so long before the acknowledged message at most."""
 
 _SILENT_S = 0.65
-"""A follower without a join for so long, or since the IDs have changed, has another ID by now, or
-its joins are lost: it is sent no repetition. After `refresh_s` it sends one every `retry_s`."""
+"""A follower without a join or BSM for so long, or since the IDs have changed, has another ID by
+now, or is out of reach: it is sent no repetition. Without BSMs, it sends a join after `refresh_s`
+and one every `retry_s` from then on."""
 
 _REACH_REFRESHES = 3.0
-"""A vehicle is within reach for this many refresh intervals after a message from it."""
+"""A vehicle is within reach for this many refresh intervals after a message or BSM from it."""
 
 _MAX_EARLY_ACKNOWLEDGEMENTS = 32
 """Stored acknowledgements of messages that were not received yet."""
@@ -75,14 +76,27 @@ def _made_at(warn: Warn, now: float) -> float:
     return now - warn.age_s if warn.stated_at_s is None else warn.stated_at_s
 
 
+@dataclass(slots=True)
+class _Received:
+    """A vehicle behind in the group."""
+
+    distance: int
+    """As its last message has it."""
+    stated_at: float
+    """Time of that message."""
+    at: float
+    """Time of its last message or BSM."""
+
+
 class Reach:
     """How many vehicles behind in the group the radio reaches."""
 
     def __init__(self, parameters: GroupParameters, *, proves_ids: bool = False) -> None:
         self._proves_ids = proves_ids
         self._lifetime_s = _REACH_REFRESHES * parameters.refresh_s
-        self._received: OrderedDict[CarId, tuple[int, float]] = OrderedDict()
-        """Distance and time of the last message, the oldest first."""
+        self._join_lifetime_s = parameters.join_lifetime_s
+        self._received: OrderedDict[CarId, _Received] = OrderedDict()
+        """The least recently received first."""
 
     def receive_distance(self, car_id: CarId, distance: int, now: float) -> None:
         """Note a message from a vehicle of the own group, `distance` > 0 vehicles behind.
@@ -93,8 +107,15 @@ class Reach:
             now: seconds on the cores' clock.
         """
         self._forget(now)
-        self._received[car_id] = (distance, now)
+        self._received[car_id] = _Received(distance, now, now)
         self._received.move_to_end(car_id)
+
+    def receive_bsm(self, car_id: CarId, now: float) -> None:
+        """Note that a vehicle is still within reach, at the distance in its last message."""
+        known = self._received.get(car_id)
+        if known is not None and now < known.stated_at + self._join_lifetime_s:
+            known.at = now
+            self._received.move_to_end(car_id)
 
     def distance(self, now: float) -> int:
         """Return how many vehicles behind the farthest one received lately is; 0 without any.
@@ -102,7 +123,7 @@ class Reach:
         Never more than the number of vehicles received: a forged group number raises it by one.
         """
         horizon = now - self._lifetime_s
-        recent = [distance for distance, at in self._received.values() if at >= horizon]
+        recent = [each.distance for each in self._received.values() if each.at >= horizon]
         return min(max(recent, default=0), len(recent))
 
     def of_cause(self, cause: WarnCause | int, now: float) -> int:
@@ -114,7 +135,7 @@ class Reach:
         return min(distance, 1) if cause is WarnCause.OVER and not self._proves_ids else distance
 
     def _forget(self, now: float) -> None:
-        while self._received and next(iter(self._received.values()))[1] < now - self._lifetime_s:
+        while self._received and next(iter(self._received.values())).at < now - self._lifetime_s:
             self._received.popitem(last=False)
 
 
@@ -328,8 +349,8 @@ class Forwarding:
             entry.check_at = math.inf
             return False
         entry.check_at = now + self._parameters.acknowledge_s + self._spread_s()
-        joined_at = max(now - _SILENT_S, self._changed_at)
-        if entry.unacknowledged.isdisjoint(self._followers.joined_since(joined_at)):
+        received_at = max(now - _SILENT_S, self._changed_at)
+        if entry.unacknowledged.isdisjoint(self._followers.received_since(received_at)):
             return False
         entry.repeats_left -= 1
         return True

@@ -86,7 +86,7 @@ class WarningGroup(Core):
         )
         self._lead_monitor = LeadMonitor(parameters)
         self._membership = Membership(parameters, self._lead_monitor, rng)
-        self._followers = Followers(parameters.membership_lifetime_s)
+        self._followers = Followers(parameters)
         self._reach = Reach(parameters, proves_ids=proves_ids)
         self._forwarding = Forwarding(parameters, self._position, self._followers, self._reach, rng)
         self._own_braking = OwnBraking(parameters, rng)
@@ -206,6 +206,14 @@ class WarningGroup(Core):
                 self._receive_update(message, now)
             case Warn():
                 self._receive_warn(message, now)
+
+    def receive_bsm(self, car_id: CarId, now: float) -> None:
+        """Take that a BSM of this vehicle has arrived: it is still there, and within reach."""
+        car_id = self._adjacent_ids.present(car_id, now)
+        self._membership.receive_bsm(car_id, now)
+        self._reach.receive_bsm(car_id, now)
+        if self._followers.receive_bsm(car_id, now):
+            self._apply_event(GroupEvent.UNFOLLOWED, "expired", now)
 
     def messages_to_send(self, now: float) -> list[GroupMessage]:  # noqa: ARG002 (the verb of all cores)
         """Return the messages to send, the most urgent first, and clear the outbox."""
@@ -339,7 +347,7 @@ class WarningGroup(Core):
             return
         if join.sender_id in (self._membership.predecessor, self._position.leader_id):
             self._discard("loop", join, now)
-        elif self._followers.refresh(join.sender_id, now):
+        elif self._followers.receive_join(join.sender_id, now):
             self._apply_event(GroupEvent.FOLLOWED, "join", now)
         self._outbox.append(
             Reply(

@@ -1,7 +1,9 @@
 """Membership in the predecessor's group: join, refresh, reply, leave.
 
 Membership is soft state: a join is repeated until it is answered, an answered join is refreshed,
-and what is not refreshed expires. While the camera identifies another vehicle than the predecessor,
+and what is not refreshed expires. The BSMs that both vehicles send anyway show that they are still
+there, so while they arrive a join is refreshed only as often as the leader's sequence number needs
+it. While the camera identifies another vehicle than the predecessor,
 that one is sent joins, and the old membership lasts as long as `lead_hold_s` allows: no vehicle
 answers to a misread plate, and the next frames show the right one again.
 """
@@ -18,6 +20,9 @@ from onboard.messages.lcca import CarId, LeaveReason, Reply
 _NEVER = float("-inf")
 _SEQUENCES = 1 << 16
 _MAX_DOUBLINGS = 16
+_LAG_S = 0.15
+"""By which a vehicle behind the first follower refreshes later: the reply to its predecessor, which
+tells it to join, comes before that."""
 
 
 class Membership:
@@ -44,8 +49,10 @@ class Membership:
         self._join_at = 0.0
         self._sequence = int(rng.integers(_SEQUENCES))
         self._answered_sequence = self._sequence
-        self._answered_at = _NEVER
+        self._answered_at = self._bsm_at = _NEVER
         self._sequence_at = _NEVER
+        self._refresh_by = _NEVER
+        """Until then BSMs may put the next join off; in the past if it is no refresh."""
 
     def receive_frame(self, own_id: CarId, now: float) -> None:
         """Update the candidate after a frame that the lead monitor has received."""
@@ -63,7 +70,7 @@ class Membership:
     def _set_candidate(self, car_id: CarId | None, now: float) -> None:
         self._candidate = car_id
         self._unanswered = 0
-        self._join_at = now
+        self.join_at_once(now)
 
     def next_join(self, now: float) -> tuple[CarId, int] | None:
         """Return receiver and sequence number of a join that is due, and plan its repetition."""
@@ -76,13 +83,13 @@ class Membership:
         if self._candidate is not None:
             wait_s = min(wait_s * 2**self._unanswered, self._parameters.retry_max_s)
         self._unanswered = min(self._unanswered + 1, _MAX_DOUBLINGS)
-        self._join_at = now + wait_s + self._spread()
+        self._join_at, self._refresh_by = now + wait_s + self._spread(), _NEVER
         self._sequence = (self._sequence + 1) % _SEQUENCES
         return to_id, self._sequence
 
     def join_soon(self, now: float) -> None:
         """Advance the next join to a random moment within `spread_s`."""
-        self._join_at = min(self._join_at, now + self._spread())
+        self._join_at, self._refresh_by = min(self._join_at, now + self._spread()), _NEVER
 
     def change_sequence(self) -> None:
         """Number joins anew; replies to earlier ones are outdated."""
@@ -90,7 +97,7 @@ class Membership:
 
     def join_at_once(self, now: float) -> None:
         """Advance the next join to now."""
-        self._join_at = now
+        self._join_at, self._refresh_by = now, _NEVER
 
     def receive_predecessor_reply(self, now: float, *, moved: bool, newer: bool) -> None:
         """Take a reply to the predecessor: refresh soon if its position changed.
@@ -100,8 +107,19 @@ class Membership:
             moved: whether the predecessor's leader or number will change by it.
             newer: whether it carries a newer leader sequence number.
         """
-        if moved or (newer and now - self._sequence_at >= self._parameters.refresh_s / 2):
+        has_bsms = now < self._bsm_at + self._parameters.refresh_s
+        usual_s = self._parameters.bsm_refresh_s if has_bsms else self._parameters.refresh_s
+        if moved or (newer and now - self._sequence_at >= usual_s / 2):
             self.join_soon(now)
+
+    def receive_bsm(self, car_id: CarId, now: float) -> None:
+        """Take that a BSM of this vehicle has arrived: the predecessor's put the refresh off."""
+        if car_id != self.predecessor:
+            return
+        self._bsm_at = now
+        if now < self._refresh_by:
+            put_off_to = max(self._join_at, now + self._parameters.refresh_s)
+            self._join_at = min(put_off_to, self._refresh_by)
 
     def refusal(self, reply: Reply, now: float) -> str | None:
         """Return why a reply is refused, as a counted word, or `None` if it is accepted."""
@@ -127,10 +145,14 @@ class Membership:
         if newer or reply.sender_id != self.predecessor:
             self._sequence_at = now
         if reply.sender_id != self.predecessor:
-            self.predecessor, self._candidate = reply.sender_id, None
+            self.predecessor, self._candidate, self._bsm_at = reply.sender_id, None, _NEVER
         if self._candidate is None:
             self._unanswered = 0
-            self._join_at = now + self._parameters.refresh_s + self._spread()
+            after_s = self._parameters.bsm_refresh_s + (_LAG_S if reply.number > 1 else 0.0)
+            by = max(self._sequence_at + after_s, now + self._parameters.retry_s)
+            spread_s = self._spread()
+            self._refresh_by = by + spread_s
+            self._join_at = min(now + self._parameters.refresh_s, by) + spread_s
 
     def receive_leader_sequence(self, now: float) -> None:
         """Take a newer leader sequence number from a vehicle ahead."""
@@ -145,7 +167,7 @@ class Membership:
                 return LeaveReason.SPEED_UNKNOWN
             far = self._lead_monitor.is_far(self.predecessor)
             return LeaveReason.GAP if far else LeaveReason.NOT_AHEAD
-        if now >= self._answered_at + self._parameters.membership_lifetime_s:
+        if now >= self._answered_until:
             return LeaveReason.NO_ANSWER
         if now >= self._sequence_at + self._parameters.leader_silence_s:
             return LeaveReason.LEADER_SILENT
@@ -171,8 +193,16 @@ class Membership:
         return min(
             self._join_at,
             self._close_until(self.predecessor),
-            self._answered_at + self._parameters.membership_lifetime_s,
+            self._answered_until,
             self._sequence_at + self._parameters.leader_silence_s,
+        )
+
+    @property
+    def _answered_until(self) -> float:
+        """Until when the predecessor counts as there."""
+        return min(
+            max(self._answered_at, self._bsm_at) + self._parameters.membership_lifetime_s,
+            self._answered_at + self._parameters.join_lifetime_s,
         )
 
     def _close_until(self, car_id: CarId) -> float:

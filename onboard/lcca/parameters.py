@@ -21,11 +21,15 @@ class GroupParameters:
     retry_max_s: float = 0.25
     """Bounds the doubling, and with it the channel load of a lead without radio."""
     refresh_s: float = 0.5
-    """Until an answered join is refreshed."""
+    """Until an answered join is refreshed, unless the predecessor's BSMs arrive."""
+    bsm_refresh_s: float = 2.1
+    """The same while they arrive: it brings the leader's sequence number in time."""
     spread_s: float = 0.02
     """Random delay of joins that many vehicles send for the same reason."""
     membership_lifetime_s: float = 2.5
-    """How long a membership lasts on either side without a message from the other."""
+    """How long a membership lasts on either side without a message or a BSM from the other."""
+    join_lifetime_s: float = 3.7
+    """How long it lasts without a join, or a reply, however many BSMs arrive."""
     leader_silence_s: float = 3.0
     """How long a membership lasts without a new leader sequence number, however well the
     predecessor answers; and so how long the position under a former leader is stored."""

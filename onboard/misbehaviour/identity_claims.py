@@ -17,6 +17,8 @@ class IdentityClaims:
         """Keep the `capacity` IDs that were used last."""
         self._capacity = capacity
         self._claims: OrderedDict[bytes, _Claim] = OrderedDict()
+        self._names: OrderedDict[bytes, bytes] = OrderedDict()
+        """The name that each signer used last."""
 
     def __len__(self) -> int:
         return len(self._claims)
@@ -24,9 +26,11 @@ class IdentityClaims:
     def receive_claim(self, name: bytes, signer: bytes) -> bool:
         """Record that `signer` uses `name`; return whether it is the first to."""
         claim = self._claims.setdefault(name, _Claim(signer))
-        self._claims.move_to_end(name)
-        if len(self._claims) > self._capacity:
-            self._claims.popitem(last=False)
+        self._names[signer] = name
+        for kept, key in ((self._claims, name), (self._names, signer)):
+            kept.move_to_end(key)
+            if len(kept) > self._capacity:
+                kept.popitem(last=False)
         claim.is_disputed |= claim.signer != signer
         return claim.signer == signer
 
@@ -44,3 +48,8 @@ class IdentityClaims:
         """Return the only signer of `name`; `None` if there is none, or more than one."""
         claim = self._claims.get(name)
         return None if claim is None or claim.is_disputed else claim.signer
+
+    def name_of(self, signer: bytes) -> bytes | None:
+        """Return the name that a signer used last; `None` if there is none, or others use it."""
+        name = self._names.get(signer)
+        return None if name is None or self.owner(name) != signer else name

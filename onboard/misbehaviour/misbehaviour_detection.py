@@ -144,6 +144,10 @@ class MisbehaviourDetector:
         """Return the only sender that uses a communication ID; `None` if there is none, or two."""
         return self._car_ids.owner(car_id)
 
+    def car_id_of(self, sender: bytes) -> bytes | None:
+        """Return the communication ID that only this sender uses; `None` if none is known."""
+        return self._car_ids.name_of(sender)
+
     def is_id_unique(self, car_id: bytes) -> bool:
         """Whether at most one sender has used this communication ID."""
         return not self._car_ids.is_disputed(car_id)

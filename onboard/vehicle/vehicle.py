@@ -344,6 +344,9 @@ class Vehicle(Core):
         if reason is not None:
             self._discard("bsm", reason, core.temporary_id, now)
             return
+        if signer_id is not None and self._config.beacons:
+            self._lcca.receive_bsm(signer_id, now)
+            self._take_lcca(now)
         remote_id = self._misbehaviour.remote_id(sender, core.temporary_id)
         if remote_id != core.temporary_id:
             # Footers name the sources of measurements by temporary ID: two cannot have one.

@@ -44,6 +44,8 @@ class Air:
     delay_s: float = 0.002
     jitter_s: float = 0.0
     """Up to this much more, drawn for each reception: overtaking included."""
+    has_bsms: bool = False
+    """Whether all send BSMs, and are known by them."""
 
 
 @dataclass
@@ -226,6 +228,22 @@ class Road:
         if car.has_camera:
             car.group.receive_lead(self._seen_by(car), self.now)
         self._serve(car)
+        if self.air.has_bsms and car.has_radio:
+            own_id = car_id(car.name, car.epoch)
+            for other in self._in_reach(car):
+                if self._rng.uniform() >= self.air.loss:
+                    self._at(self.now + self.air.delay_s, partial(self._give_bsm, other, own_id))
+
+    def _give_bsm(self, car: Car, sender_id: CarId) -> None:
+        if self._is_here(car) and car.has_radio:
+            self.do(car, lambda now: car.group.receive_bsm(sender_id, now))
+
+    def _in_reach(self, car: Car) -> list[Car]:
+        return [
+            other
+            for other in self.cars.values()
+            if other is not car and abs(other.position_m - car.position_m) <= self.air.reach_m
+        ]
 
     def _seen_by(self, car: Car) -> MeasuredLead | None:
         ahead = self.ahead_of(car)
@@ -269,9 +287,7 @@ class Road:
         transmission = Transmission(self.now, car.name, message)
         self.sent.append(transmission)
         data = encode(message)
-        for other in self.cars.values():
-            if other is car or abs(other.position_m - car.position_m) > self.air.reach_m:
-                continue
+        for other in self._in_reach(car):
             lost = self._rng.uniform() < self.air.loss or self.drops(transmission, other.name)
             delay_s = self.air.delay_s + float(self._rng.uniform(0.0, self.air.jitter_s))
             if not lost:

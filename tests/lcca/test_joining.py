@@ -5,10 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from onboard.lcca.parameters import DEFAULTS
 from onboard.lcca.transitions import GroupEvent, GroupState
 from onboard.messages.lcca import NO_ID, Join, Leave, LeaveReason, Reply
 from tests.lcca.one_car import OneCar, answer, member_of_a
-from tests.lcca.road import Road, Transmission, car_id, events_of, places, true_places
+from tests.lcca.road import Air, Road, Transmission, car_id, events_of, places, true_places
 
 A, B, C, X = (car_id(name) for name in "ABCX")
 
@@ -88,6 +89,32 @@ def test_an_answered_join_is_refreshed_twice_a_second() -> None:
     road.run(60.0)
     # Four followers, one join and one reply each; some are early, on hearing the lead's.
     assert 4 * 2 * 110 <= len(road.sent) - before <= 4 * 2 * 130
+
+
+def test_bsms_refresh_an_answered_join() -> None:
+    road = Road(Air(has_bsms=True))
+    cars = road.add_row("ABCDE")
+    road.run(6.0)
+    before = len(road.sent)
+    road.run(60.0)
+    asked = [entry for entry in road.sent[before:] if isinstance(entry.message, Join | Reply)]
+    assert asked == road.sent[before:]
+    assert len(asked) / 60.0 / len(cars) < 1.0
+    assert all(car.transitions[-1].stamp_s < 6.0 for car in cars)
+
+
+def test_only_the_predecessors_bsms_put_a_refresh_off() -> None:
+    refreshed_at = {}
+    for sender in (A, C):
+        car = member_of_a()
+        for number in range(1, 41):
+            now = number / 10.0
+            car.sees(A, now)
+            car.group.receive_bsm(sender, now)
+            if car.says(now):
+                refreshed_at[sender] = now
+                break
+    assert refreshed_at == {C: 0.5, A: pytest.approx(2.1)}
 
 
 def test_joins_go_only_to_an_identified_vehicle_that_is_too_close() -> None:
@@ -206,6 +233,16 @@ def test_a_noisy_gap_around_the_safety_distance_changes_no_membership() -> None:
     assert len(events_of(b)) <= 1
 
 
+def test_bsms_replace_joins_for_a_limited_time() -> None:
+    road = Road(Air(has_bsms=True))
+    a, b = road.add_row("AB")
+    road.run(4.0)
+    road.drops = lambda transmission, receiver: transmission.sender == "B"
+    road.run(DEFAULTS.join_lifetime_s + 0.1)
+    assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
+    assert events_of(b)[-1] == (GroupEvent.LEFT_ALONE, "leader_silent")
+
+
 @pytest.mark.parametrize(
     ("what", "kept_s", "gone_s", "cause"),
     [("has_camera", 0.8, 1.1, "not_ahead"), ("has_bus", 1.7, 2.1, "speed_unknown")],
@@ -226,14 +263,17 @@ def test_a_lost_sensor_ends_the_membership_after_a_stated_time(
     assert b.group.state is GroupState.MEMBER
 
 
-def test_a_silent_predecessor_is_left_and_a_silent_follower_expires() -> None:
-    road = Road()
+@pytest.mark.parametrize(("has_bsms", "cause"), [(False, "no_answer"), (True, "leader_silent")])
+def test_a_silent_predecessor_is_left_and_a_silent_follower_expires(
+    cause: str, *, has_bsms: bool
+) -> None:
+    road = Road(Air(has_bsms=has_bsms))
     a, b, c = road.add_row("ABC")
     road.run(2.0)
     b.has_radio = False
     road.run(3.2)
     assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
-    assert events_of(c)[-1] == (GroupEvent.LEFT_ALONE, "no_answer")
+    assert events_of(c)[-1] == (GroupEvent.LEFT_ALONE, cause)
     b.has_radio = True
     road.run(1.0)
     assert places(road) == true_places(road)

@@ -63,6 +63,7 @@ airs = st.builds(
     reach_m=st.sampled_from([100.0, 140.0, 300.0]),
     loss=st.sampled_from([0.0, 0.1, 0.3]),
     jitter_s=st.sampled_from([0.0, 0.01, 0.08]),
+    has_bsms=st.booleans(),
 )
 
 

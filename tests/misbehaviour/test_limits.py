@@ -192,6 +192,21 @@ def test_a_dispute_lasts_when_the_first_signer_comes_again() -> None:
     assert claims.is_disputed(b"a")
 
 
+def test_a_signer_has_the_name_that_it_used_last_unless_another_one_uses_it() -> None:
+    claims = IdentityClaims(2)
+    names = []
+    for name, signer in ((b"a", ONE), (b"b", ONE), (b"b", TWO), (b"c", THREE), (b"d", b"signer 4")):
+        claims.receive_claim(name, signer)
+        names.append((claims.name_of(ONE), claims.name_of(signer)))
+    assert names == [
+        (b"a", b"a"),
+        (b"b", b"b"),
+        (None, None),
+        (None, b"c"),
+        (None, b"d"),
+    ]
+
+
 @pytest.mark.parametrize("more_rad", [0.0, 0.01])
 def test_who_turns_by_the_greatest_angle_drives_in_the_own_direction(more_rad: float) -> None:
     detector = Detector()
