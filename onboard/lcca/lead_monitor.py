@@ -7,9 +7,15 @@ from onboard.lcca.parameters import GroupParameters
 from onboard.messages.lcca import CarId
 from onboard.sensors.host_state import SPEED_VALID_S
 
+CRAWL_M_S = 3.0
+"""Slower than this the host vehicle crawls: in a jam, as fast as one walks, or at rest."""
+NEAR_M = 5.0
+"""A lead that was last identified nearer than this may be too near for the camera when it shows
+none, and is there until the host vehicle has driven as far."""
+
 
 class LeadMonitor:
-    """Evaluates each frame. A vehicle is *close* in a frame within the leave headway."""
+    """Evaluates each frame. A vehicle is *close* in a frame within the distance of leaving."""
 
     def __init__(self, parameters: GroupParameters) -> None:
         self._parameters = parameters
@@ -19,6 +25,10 @@ class LeadMonitor:
         self._is_close = False
         self._identified: CarId | None = None
         self._close_at: dict[CarId, float] = {}
+        self._speed_s = float("-inf")
+        self._driven_m = 0.0
+        self._near_until_m = float("-inf")
+        """Until the host vehicle has driven so far, the identified one may be near and unseen."""
 
     @property
     def identified(self) -> CarId | None:
@@ -31,7 +41,9 @@ class LeadMonitor:
 
     def receive_speed(self, speed_m_s: float, now: float) -> None:
         """Take a sample of the own speed."""
-        self._speed_m_s = speed_m_s
+        if now < self._speed_until:
+            self._driven_m += speed_m_s * (now - self._speed_s)
+        self._speed_m_s, self._speed_s = speed_m_s, now
         self._speed_until = now + SPEED_VALID_S
 
     def receive_lead(
@@ -45,13 +57,18 @@ class LeadMonitor:
             is_unknown: whether one may be there although the frame shows none.
         """
         self._lead = lead
-        self._is_close = self._is_within(self._parameters.leave_headway_s, now)
-        if lead is None:
-            self._identified = self._identified if is_unknown else None
-        elif lead.car_id is not None:
+        self._is_close = self._is_within(
+            self._parameters.leave_headway_s, now, self._parameters.leave_at_least_m
+        )
+        if lead is not None and lead.car_id is not None:
             self._identified = lead.car_id
-            if self._is_close:
-                self._close_at[lead.car_id] = now
+            is_near = lead.gap_m < NEAR_M
+            self._near_until_m = self._driven_m + NEAR_M if is_near else float("-inf")
+        is_near = self._is_near_unidentified(now)
+        if lead is None and not (is_unknown or is_near):
+            self._identified = None
+        if self._identified is not None and (is_near or self.shows_close(self._identified)):
+            self._close_at[self._identified] = now
         horizon = now - self._parameters.lead_hold_s
         if any(at < horizon for at in self._close_at.values()):
             self._close_at = {car: at for car, at in self._close_at.items() if at >= horizon}
@@ -97,7 +114,19 @@ class LeadMonitor:
         seen_m_s = own - lead.closing_speed_m_s
         return abs(speed_m_s - seen_m_s) <= self._parameters.speed_tolerance_m_s
 
-    def _is_within(self, headway_s: float, now: float) -> bool:
+    def _is_near_unidentified(self, now: float) -> bool:
+        """Whether the identified vehicle is taken to be near, although the frame does not name it.
+
+        Of a plate nearer than some 3 m the camera sees nothing, and at rest nobody is asked.
+        """
+        speed = self.speed_at(now)
+        if speed is None or speed >= CRAWL_M_S or self._driven_m >= self._near_until_m:
+            return False
+        return self._lead is None or (self._lead.car_id is None and self._is_close)
+
+    def _is_within(self, headway_s: float, now: float, at_least_m: float = 0.0) -> bool:
         """Compare the gap with the safety distance, headway times own speed (LCCA, section 3)."""
         speed, lead = self.speed_at(now), self._lead
-        return lead is not None and speed is not None and lead.gap_m < headway_s * speed
+        if lead is None or speed is None:
+            return False
+        return lead.gap_m < max(headway_s * speed, at_least_m)

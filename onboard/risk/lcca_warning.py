@@ -1,4 +1,7 @@
-"""LCCA warning: a member ahead in the warning group brakes hard, until that is over."""
+"""LCCA warning: a member ahead in the warning group brakes hard, until that is over.
+
+Who stands or crawls is not warned: there is nothing to brake. A test of the button is shown anyway.
+"""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -23,15 +26,22 @@ class LccaWarning(Application):
     cause = LCCA
     takes: ClassVar = (WarningRaised, WarningLevel, WarningOver)
 
-    def __init__(self, _settings: RiskSettings) -> None:
-        """Start without a warning."""
+    def __init__(self, settings: RiskSettings) -> None:
+        """Start without a warning; `settings` have the least speed."""
+        self._least_speed_m_s = settings.least_speed_m_s
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
 
     @override
     def assess(self, situation: Situation) -> Assessed:
         """Assess the brakings that are not over."""
-        return [_assess(each, situation.now) for each in self._warnings.values()]
+        speed = situation.speed
+        is_slow = speed is not None and speed.speed_m_s < self._least_speed_m_s
+        return [
+            _assess(each, situation.now)
+            for each in self._warnings.values()
+            if not is_slow or each.cause is BrakeCause.TEST
+        ]
 
     @override
     def receive_event(self, event: Event, situation: Situation) -> Assessed:

@@ -359,6 +359,24 @@ def test_the_groups_warning_is_passed_on_at_once_and_lasts_until_it_is_over() ->
     assert (ended.level, ended.stamp_s) == (Level.NONE, about(16.0, 0.11))
 
 
+@pytest.mark.parametrize(
+    ("speed_m_s", "cause", "is_warned"),
+    [
+        (1.9, BrakeCause.DECELERATION, False),
+        (1.9, BrakeCause.TEST, True),
+        (2.1, BrakeCause.DECELERATION, True),
+    ],
+)
+def test_who_stands_is_warned_by_the_group_only_for_a_test(
+    speed_m_s: float, cause: BrakeCause, *, is_warned: bool
+) -> None:
+    of = monitor()
+    of.host.receive_observation(Speed(5.0, speed_m_s, 0.1, "obd"))
+    of.receive_event(replace(lcca_warning(5.0, b"car-aaaa"), cause=cause), 5.0)
+
+    assert bool(alarms(of)) is is_warned
+
+
 def test_two_warnings_are_one_alarm_that_lasts_until_both_are_over() -> None:
     of = monitor()
     one, other = bytes(8), bytes(range(8))
