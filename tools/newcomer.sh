@@ -42,7 +42,7 @@ cd "$root/onboard"
 [ $# -eq 0 ] || step "demo" make demo
 step "set up" make .venv/rig-ready
 PATH="$root/onboard/.venv/bin:$PATH"
-step "a study" sim-rig study joerer --out "$root/studies"
+step "a study" sim-rig study lcca-chain --runs 1 --cars 3 --out "$root/studies"
 step "a scenario" sim-rig run --virtual --out "$root/out" fig4
 step "its replay" onboard replay "$root/out/fig4-virtual/box/red" --expect
 step "sdist and wheel" sh -ec 'python setup.py -q sdist --dist-dir "$0"
