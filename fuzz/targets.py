@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from onboard.gnss.gpsd_reader import GpsdReader
 from onboard.gnss.nmea import NmeaReader
 from onboard.hmi.access_check import AccessCheck
 from onboard.its_g5 import packet
+from onboard.its_g5.infrastructure import decode_map, decode_spat, encode_map, encode_spat
 from onboard.messages import bsm, cam, denm, lcca, map_data, mvs_footer, sdsm, spat
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
@@ -260,6 +262,8 @@ TARGETS = {
     "peer_to_peer": Target(decode_ca_certs, (Malformed, Unsupported)),
     "bsm": _codec(bsm.decode, bsm.encode),
     "cam": _codec(cam.decode, cam.encode),
+    "mapem": _codec(decode_map, partial(encode_map, station_id=b"unit"), 4e-2),
+    "spatem": _codec(decode_spat, partial(encode_spat, station_id=b"unit"), 2e-2),
     "denm": _codec(denm.decode, denm.encode),
     "geonetworking": Target(_geonetworking, (DecodeError,)),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane

@@ -19,7 +19,7 @@ from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
 from onboard.security.trust import Trusted, TrustStore
-from onboard.wave_udp.psid import AWARENESS, BSM, MAP, SPAT
+from onboard.wave_udp.psid import AWARENESS, BSM, SIGNALS
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 
@@ -147,11 +147,12 @@ class SecurityServices:
         )
 
     def is_road_side_unit(self, signer_id: bytes) -> bool:
-        """Whether a received certificate, by its HashedId8, permits MAP or SPAT, and no BSM."""
+        """Whether a received certificate, by its HashedId8, permits MAP or SPAT, and no BSM.
+
+        MAPEM, SPATEM and CAM are their equals.
+        """
         signer = None if self._trust is None else self._trust.find(signer_id)
-        return (
-            signer is not None and not AWARENESS & signer.psids and bool({MAP, SPAT} & signer.psids)
-        )
+        return signer is not None and not AWARENESS & signer.psids and bool(SIGNALS & signer.psids)
 
     # ---- out ------------------------------------------------------------------------------
 

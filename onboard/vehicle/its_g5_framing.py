@@ -42,13 +42,20 @@ class ItsG5Framing(RadioFraming):
     """TS 103 097 V1.3.1, 7.1.1."""
     distributes = False
 
-    def __init__(self, lcca_psid: int, position: Callable[[], Position | None]) -> None:
+    def __init__(
+        self,
+        lcca_psid: int,
+        position: Callable[[], Position | None],
+        station_type: int = PASSENGER_CAR,
+    ) -> None:
         """Frame messages of the standard's services, and of LCCA under `lcca_psid`.
 
         Args:
             lcca_psid: of LCCA messages.
             position: last fix of the host vehicle.
+            station_type: in the address.
         """
+        self._station_type = station_type
         self._ports = {**ports.OF_SERVICES, lcca_psid: ports.LCCA}
         self._services = {port: service for service, port in self._ports.items()}
         self._position = position
@@ -126,7 +133,7 @@ class ItsG5Framing(RadioFraming):
         """Return who sends and where; without a fix the position is 0, and not accurate."""
         age_s = 0.0 if fix is None else now - fix.stamp_s
         timestamp = timestamp_ms(utc_s - age_s) & 0xFFFF_FFFF
-        address = True, PASSENGER_CAR, 0, self._mac, timestamp
+        address = True, self._station_type, 0, self._mac, timestamp
         if fix is None:
             return LongPositionVector(*address, 0.0, 0.0, False, 0.0, 0.0)
         return LongPositionVector(

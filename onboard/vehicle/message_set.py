@@ -12,6 +12,7 @@ from typing_extensions import override
 from onboard.bsm_transmission.cam_schedule import MINIMUM_INTERVAL_S
 from onboard.errors import DecodeError
 from onboard.its_g5.awareness import bsm_of, cam_of
+from onboard.its_g5.infrastructure import decode_map, decode_spat
 from onboard.its_g5.notification import EventReports, ReceivedEvents
 from onboard.its_g5.stations import Stations
 from onboard.messages import bsm, cam, denm, map_data, sdsm, spat
@@ -91,9 +92,17 @@ LOW_FREQUENCY_S = 0.5
 
 
 class ItsMessages(MessageSet):
-    """ETSI ITS: the CAM, and the DENM for events of vehicles."""
+    """ETSI ITS: the CAM, the DENM for events of vehicles, MAPEM and SPATEM."""
 
-    components: Mapping[int, str] = {psid.CAM: "cam", psid.DENM: "denm"}
+    components: Mapping[int, str] = {
+        psid.CAM: "cam",
+        psid.DENM: "denm",
+        psid.MAPEM: "mapem",
+        psid.SPATEM: "spatem",
+    }
+
+    _decode_map = staticmethod(lru_cache(maxsize=8)(decode_map))
+    """As of J2735's."""
 
     def __init__(self) -> None:
         self._low_frequency_at = self._cam_at = float("-inf")
@@ -125,6 +134,10 @@ class ItsMessages(MessageSet):
     def decode(
         self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
     ) -> ReceivedMessage | None:
+        if service == psid.MAPEM:
+            return self._decode_map(data)
+        if service == psid.SPATEM:
+            return decode_spat(data)
         if service == psid.DENM:
             event = self._events.bsm_of(denm.decode(data), signer_id, utc_s)
             return None if event is None else self._stations.completed(event, signer_id, utc_s)

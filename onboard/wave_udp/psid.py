@@ -14,6 +14,12 @@ CAM = 0x24
 DENM = 0x25
 """Decentralised environmental notification of ETSI ITS (TS 102 965): the DENM."""
 
+SPATEM = 0x89
+"""Traffic light manoeuvres of ETSI ITS (TS 102 965): the SPATEM."""
+
+MAPEM = 0x8A
+"""Road and lane topology of ETSI ITS (TS 102 965): the MAPEM."""
+
 AWARENESS = frozenset({BSM, CAM})
 """Services whose messages each vehicle repeats: their certificate is attached now and then."""
 
@@ -25,6 +31,9 @@ SENSOR_SHARING = 0x90
 
 MAP = 0x204097
 """Intersection geometry: the J2735 MapData message; p-encoded as 0pE0-00-00-17."""
+
+SIGNALS = frozenset({MAP, SPAT, MAPEM, SPATEM})
+"""Services of signals and of the lanes that they are for."""
 
 PEER_TO_PEER = 0x88
 """Peer-to-peer distribution of certificates (IEEE 1609.2, clause 8)."""
@@ -48,6 +57,9 @@ OF_ROAD_SIDE_UNITS = frozenset({MAP, SPAT, SENSOR_SHARING})
 OF_VEHICLES = frozenset({BSM, SENSOR_SHARING, LCCA})
 """Services in which vehicles send."""
 
+OF_ITS_ROAD_SIDE_UNITS = frozenset({MAPEM, SPATEM})
+"""Those of units with ITS-G5."""
+
 OF_ITS_VEHICLES = frozenset({CAM, DENM, LCCA})
 """Those of vehicles with ITS-G5."""
 
@@ -63,6 +75,8 @@ NAMES = {
     0x83: "traveler information and roadside signage",
     0x85: "emergency and erratic vehicles",
     0x87: "WAVE service advertisement",
+    SPATEM: "traffic light manoeuvre",
+    MAPEM: "road and lane topology",
     PEER_TO_PEER: "peer-to-peer distribution of security management information",
     SENSOR_SHARING: "sensor sharing service",
     0x91: "maneuver coordination service",

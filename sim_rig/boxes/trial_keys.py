@@ -46,7 +46,14 @@ def run_credentials(
     cars = [*scenario.equipped, *background_names(scenario)]
     units, plates = road_side_units(scenario), known_plates(scenario)
     if not boxes:
-        return make_trial(cars, scenario.psids, utc_s, road_side_units=units, plates=plates)
+        return make_trial(
+            cars,
+            scenario.psids,
+            utc_s,
+            road_side_units=units,
+            unit_psids=scenario.unit_psids,
+            plates=plates,
+        )
     folder = next(iter(boxes.values())).keys
     issuing = _authority(folder)
     for car in boxes:

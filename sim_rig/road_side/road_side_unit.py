@@ -4,11 +4,15 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from onboard.its_g5.infrastructure import encode_map, encode_spat
 from onboard.messages import map_data, spat
+from onboard.messages.its_common import ROAD_SIDE_UNIT
 from onboard.security.credentials import Credentials
 from onboard.security.security_services import SecurityServices
-from onboard.wave_udp import psid, wsmp
-from onboard.wave_udp.wsmp import WaveShortMessage
+from onboard.vehicle.framing import RadioFraming, WaveFraming
+from onboard.vehicle.its_g5_framing import ItsG5Framing
+from onboard.wave_udp import psid
+from onboard.wave_udp.settings import RadioProfile
 from sim_rig.radio.air import Air, CarsAt, Delivery
 from sim_rig.radio.models import open_air
 from sim_rig.road_side.signal_messages import map_message, spat_message
@@ -23,6 +27,8 @@ MAPS_EVERY = 10
 """SPAT messages between two MAP messages: one a second (CTI 4501)."""
 USER_PRIORITY = 5
 """Of both messages."""
+STATION_ID = b"unit"
+"""Of its messages with ITS-G5."""
 _MAST_M = 0.5
 """Width of its mast, which shadows no signal."""
 
@@ -91,7 +97,11 @@ class RoadSideUnit:
         self._settings = settings
         self._at_s = at_s
         self._security = security
-        self._map = map_data.encode(map_message(scenario, settings))
+        self._is_its = scenario.profile is RadioProfile.ITS_G5
+        self._framing: RadioFraming = (
+            ItsG5Framing(psid.LCCA, lambda: None, ROAD_SIDE_UNIT) if self._is_its else WaveFraming()
+        )
+        self._map = map_message(scenario, settings)
         self._due_at = now
         self._sent = 0
 
@@ -113,18 +123,25 @@ class RoadSideUnit:
             # What a late rig has missed is not sent: it would be stale.
             self._due_at += SPAT_INTERVAL_S * (1 + late_s // SPAT_INTERVAL_S)
             if self._sent % MAPS_EVERY == 0:
-                self._send(self._map, psid.MAP, now)
+                if self._is_its:
+                    self._send(encode_map(self._map, STATION_ID), psid.MAPEM, now)
+                else:
+                    self._send(map_data.encode(self._map), psid.MAP, now)
             self._sent += 1
             utc_s = now + self._security.utc_offset_s
             message = spat_message(self._settings, self._at_s(now), utc_s)
-            self._send(spat.encode(message), psid.SPAT, now)
+            if self._is_its:
+                self._send(encode_spat(message, STATION_ID), psid.SPATEM, now)
+            else:
+                self._send(spat.encode(message), psid.SPAT, now)
         return [each for each in self._air.wsms_to_deliver(now) if each.receiver != NAME]
 
     def get_timer(self) -> float:
         """Return when the next copy arrives or the next message is due."""
         return min(self._due_at, self._air.get_timer())
 
-    def _send(self, frame: bytes, service: int, now: float) -> None:
-        secured = self._security.secure(frame, service, now)
-        wsm = wsmp.encode(WaveShortMessage(psid=service, payload=secured))
-        self._air.receive_wsm(NAME, wsm, USER_PRIORITY, now)
+    def _send(self, payload: bytes, service: int, now: float) -> None:
+        utc_s = self._security.utc_s(now)
+        signed_part = self._framing.signed_part(payload, service, USER_PRIORITY, now, utc_s)
+        frame = self._framing.frame(service, self._security.secure(signed_part, service, now))
+        self._air.receive_wsm(NAME, frame, USER_PRIORITY, now)

@@ -94,6 +94,7 @@ class _VirtualRun:
                 START_UTC_S,
                 new_key,
                 road_side_units=units,
+                unit_psids=scenario.unit_psids,
                 plates=known_plates(scenario),
             )
         air_rng = np.random.default_rng(air_seed)

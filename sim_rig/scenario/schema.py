@@ -241,6 +241,12 @@ class Scenario(Settings):
         is_its = self.profile is RadioProfile.ITS_G5
         return psid.OF_ITS_VEHICLES if is_its else psid.OF_VEHICLES
 
+    @property
+    def unit_psids(self) -> frozenset[int]:
+        """Services in which its road-side units send."""
+        is_its = self.profile is RadioProfile.ITS_G5
+        return psid.OF_ITS_ROAD_SIDE_UNITS if is_its else psid.OF_ROAD_SIDE_UNITS
+
     def has_fault(self, what: str, car: str, at_s: float) -> bool:
         """Whether a fault is active.
 
@@ -302,11 +308,9 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
     if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
         yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
     yield from _mistakes_of_faults(scenario)
-    if scenario.profile is RadioProfile.ITS_G5:
-        if scenario.signal is not None:
-            yield "signal: its road-side unit sends SAE J2735 (given profile its-g5); allowed: wave"
-        if any(isinstance(fault, Attack) for fault in scenario.faults):
-            yield "faults: attackers send WSMs (given profile its-g5); allowed: wave"
+    has_attack = any(isinstance(fault, Attack) for fault in scenario.faults)
+    if scenario.profile is RadioProfile.ITS_G5 and has_attack:
+        yield "faults: attackers send WSMs (given profile its-g5); allowed: wave"
 
 
 def _mistakes_of_faults(scenario: Scenario) -> Iterator[str]:

@@ -221,7 +221,9 @@ def test_a_unit_that_needs_a_psid_has_no_its_g5() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["fig4", "red-light", "platoon"])
+@pytest.mark.parametrize(
+    "name", ["fig4", "red-light", "platoon", "signal-passed-at-red", "stop-at-line"]
+)
 def test_scenarios_meet_their_expectations_with_its_g5(name: str) -> None:
     scenario = load_scenario(name, RadioProfile.ITS_G5).model_copy(update={"signed": True})
     judged = verdict(scenario, run_virtual(scenario))

@@ -192,6 +192,7 @@ def make_trial(
     pseudonyms: int = 4,
     implicit: bool = False,
     road_side_units: Iterable[str] = (),
+    unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
     plates: Mapping[str, KnownPlate] | None = None,
 ) -> dict[str, Credentials]:
     """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
@@ -203,14 +204,15 @@ def make_trial(
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
         pseudonyms: number of certificates a vehicle.
         implicit: make implicit certificates.
-        road_side_units: names of the units that sign MAP, SPAT and SDSM.
+        road_side_units: names of the units beside the road.
+        unit_psids: services that these may sign.
         plates: of the vehicles whose certificates commit to their IDs, by name.
 
     Returns:
         the credentials by vehicle and unit.
     """
     units = list(road_side_units)
-    granted = {*psids, *OF_ROAD_SIDE_UNITS} if units else set(psids)
+    granted = {*psids, *unit_psids} if units else set(psids)
     valid = _of_a_trial(utc_s)
     root = make_root("trial root", granted, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
@@ -223,6 +225,7 @@ def make_trial(
         pseudonyms=pseudonyms,
         implicit=implicit,
         road_side_units=units,
+        unit_psids=unit_psids,
         plates=plates,
     )
 
@@ -237,6 +240,7 @@ def issue_trial(
     pseudonyms: int = 4,
     implicit: bool = False,
     road_side_units: Iterable[str] = (),
+    unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
     plates: Mapping[str, KnownPlate] | None = None,
 ) -> dict[str, Credentials]:
     """Make such credentials with an authority that exists; for the arguments see `make_trial`."""
@@ -253,7 +257,7 @@ def issue_trial(
         )
         for name, count, services in (
             *((car, pseudonyms, psids) for car in cars),
-            *((unit, 1, OF_ROAD_SIDE_UNITS) for unit in road_side_units),
+            *((unit, 1, unit_psids) for unit in road_side_units),
         )
     }
 

@@ -94,6 +94,7 @@ class Signer:
         self._framing: RadioFraming = (
             ItsG5Framing(psid.LCCA, lambda: None) if its_g5 else WaveFraming()
         )
+        self.its_g5 = its_g5
         self.temporary_id = temporary_id
         self.events: list[bytes] = []
         """DENMs that go with the last CAM."""

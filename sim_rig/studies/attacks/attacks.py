@@ -113,6 +113,7 @@ class AttackKind(StrEnum):
     CERTIFICATES = "certificates that are made up, by outsiders"
     CAM = "crossing vehicle, by CAM"
     DENM = "vehicle ahead that brakes hard, by DENM"
+    SPATEM = "red lights for true vehicles, by MAPEM and SPATEM"
 
 
 Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]
@@ -137,9 +138,11 @@ def run_host(
     several = PSEUDONYMS if attack in VEHICLES_UNDER_EACH else 1
     services = psid.OF_VEHICLES if checks else psid.OF_VEHICLES | psid.OF_ROAD_SIDE_UNITS
     by_its_g5 = attack in BY_ITS_G5
+    if by_its_g5:
+        services = psid.OF_ITS_VEHICLES if checks else psid.OF_ITS_VEHICLES | psid.SIGNALS
     trial = make_trial(
         ["host", *names],
-        psid.OF_ITS_VEHICLES if by_its_g5 else services,
+        services,
         START_UTC_S,
         new_key,
         pseudonyms=several,
@@ -360,9 +363,10 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.CAM: crossing_bsm,
     AttackKind.DENM: braking_by_denm,
     AttackKind.EARLY_SIGNALS: early_red_lights,
+    AttackKind.SPATEM: red_lights,
 }
 """The messages of each attack by BSMs."""
-BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.DENM})
+BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.DENM, AttackKind.SPATEM})
 """Attacks in which all radios have ITS-G5."""
 ITS_G5 = {"endpoint": "raw", "interface": "air", "profile": "its-g5"}
 """Radio settings of the host then."""

@@ -7,6 +7,7 @@ expected to pass it.
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
+from onboard.its_g5.infrastructure import encode_map, encode_spat
 from onboard.messages import map_data, spat
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import LatLon, Node, NodeAttribute, NodeAttributeSet, node_offset
@@ -80,8 +81,12 @@ def _shown(
     reference = ReferencePoint(*placed(*place_m), ORIGIN_HEIGHT_M)
     geometry = IntersectionGeometry(None, intersection, 1, reference, LANE_WIDTH_M, None, lanes)
     lanes_sent = MapData(None, 1, LayerType.INTERSECTION_DATA, None, (geometry,))
-    yield signer.signed(map_data.encode(lanes_sent), psid.MAP, now)
     phases = _spat(intersection, len(lanes), host.utc_s + now)
+    if signer.its_g5:
+        yield signer.signed(encode_map(lanes_sent, signer.temporary_id), psid.MAPEM, now)
+        yield signer.signed(encode_spat(phases, signer.temporary_id), psid.SPATEM, now)
+        return
+    yield signer.signed(map_data.encode(lanes_sent), psid.MAP, now)
     yield signer.signed(spat.encode(phases), psid.SPAT, now)
 
 
