@@ -9,7 +9,13 @@ import structlog
 
 from onboard.errors import DecodeError, UserError
 from onboard.interface.event_stream import EventReader, EventStream
-from onboard.interface.requests import BrakeButtonPress, ObjectList, Subscribe, read_request
+from onboard.interface.requests import (
+    BrakeButtonPress,
+    ObjectList,
+    Request,
+    Subscribe,
+    read_request,
+)
 from onboard.interface.settings import InterfaceSettings
 
 log = structlog.get_logger()
@@ -47,6 +53,8 @@ class EventServer:
         self._on_object_list = on_object_list
         self._stream = EventStream()
         self._clients: set[asyncio.Task[None]] = set()
+        self._detector: EventReader | None = None
+        """The client that sends a detector's lists; two would make each vehicle leap."""
         self.wants = self._stream.wants
         self.publish = self._stream.publish
 
@@ -85,20 +93,20 @@ class EventServer:
         client.write(_line(first))
         sending = asyncio.create_task(_send(reader, client))
         try:
-            if await self._take_requests(lines, client, reader):
-                await sending
+            await self._take_requests(lines, client, reader)
         except asyncio.CancelledError:
             pass
         finally:
             sending.cancel()
             self._stream.close(reader)
+            self._detector = None if self._detector is reader else self._detector
             self._clients.discard(task)
             client.transport.abort()  # what a client does not read would keep its socket
 
     async def _take_requests(
         self, lines: asyncio.StreamReader, client: asyncio.StreamWriter, reader: EventReader
-    ) -> bool:
-        """Take a client's lines until it sends no more; return whether it may go on reading.
+    ) -> None:
+        """Take a client's lines until it sends no more: then it is gone, or will be.
 
         The first line that is refused ends it: what a web page posts to this port has HTTP's lines
         before its own.
@@ -108,16 +116,16 @@ class EventServer:
                 await asyncio.sleep(0)  # lines that have arrived together are no single step
                 line = await lines.readline()
             except (ValueError, ConnectionError):  # longer than the limit; gone
-                return False
+                return
             if not line:
-                return True
+                return
             try:
-                request = read_request(line, self._settings.accepts)
+                request = self._read(line, reader)
             except DecodeError as error:
                 client.write(
                     _line({"kind": "refused", "reason": error.reason, "detail": error.detail})
                 )
-                return False
+                return
             match request:
                 case Subscribe():
                     reader.subscribe(request.kinds)
@@ -125,6 +133,15 @@ class EventServer:
                     self._on_brake()
                 case ObjectList():
                     self._on_object_list(line)
+
+    def _read(self, line: bytes, reader: EventReader) -> Request:
+        """Read a client's line. Raises `DecodeError`, also of a second client that sends lists."""
+        request = read_request(line, self._settings.accepts)
+        if isinstance(request, ObjectList):
+            self._detector = self._detector or reader
+            if self._detector is not reader:
+                raise DecodeError("in_use", "another program sends object_list")
+        return request
 
 
 async def _send(reader: EventReader, client: asyncio.StreamWriter) -> None:

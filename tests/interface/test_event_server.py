@@ -195,6 +195,22 @@ def test_lists_of_detections_are_handed_on_as_they_are() -> None:
     assert json.loads(data)["sent_s"] == 1.0
 
 
+def test_one_program_at_a_time_sends_lists() -> None:
+    async def run(vehicle: Vehicle) -> None:
+        first, second = await vehicle.client(), await vehicle.client()
+        send(first, kind="object_list", sent_s=1.0)
+        await until(lambda: len(vehicle.lists) == 1)
+        send(second, kind="object_list", sent_s=9.0)
+        assert (await record(second))["reason"] == "in_use"
+        first[1].transport.abort()
+        third = await vehicle.client()
+        await until(lambda: len(vehicle.server._clients) == 1)
+        send(third, kind="object_list", sent_s=2.0)
+        await until(lambda: len(vehicle.lists) == 2)
+
+    serve(run, "object_list")
+
+
 def test_who_sends_a_line_without_an_end_is_disconnected() -> None:
     async def run(vehicle: Vehicle) -> None:
         client = await vehicle.client()
@@ -204,13 +220,16 @@ def test_who_sends_a_line_without_an_end_is_disconnected() -> None:
     serve(run)
 
 
-def test_a_client_that_sends_no_more_reads_on() -> None:
+def test_who_has_gone_makes_room_without_an_event() -> None:
+    """Who waited for alarms and was started again 32 times was refused until there was one."""
+
     async def run(vehicle: Vehicle) -> None:
-        client = await vehicle.client()
-        client[1].write_eof()
-        await asyncio.sleep(0.0)
-        vehicle.publish("alarm")
-        assert (await record(client))["kind"] == "alarm"
+        for _ in range(MOST_CLIENTS):
+            client = await vehicle.client()
+            client[1].close()
+            await client[1].wait_closed()
+        await until(lambda: not vehicle.server._clients)
+        await vehicle.client()
 
     serve(run)
 
