@@ -80,7 +80,6 @@ class _CrossingPaths(Application):
             situation.own_size_m[0],
             situation.signals,
             along_m_s2,
-            reaction_s=reaction_s,
             braking_m_s2=BRAKING_M_S2,
         )
         if intent is Intent.STOPS:

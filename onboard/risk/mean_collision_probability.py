@@ -147,12 +147,13 @@ def _drive_on(
     room_m, other_reactions_s = other_d - half_other, np.where(gaining > 0.0, REACTION_S, 0.0)
     keeps_on = ~brakes & (own.turns_left | (room_m <= STOPPING_S * other_v))
     own_m = own_d - half
-    accepts = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
     passes_green = np.array([each.passes_green for each in others])
-    accepts |= own.passes_red | (own.passes_green & ~passes_green)  # both: no signal parts them
+    keeps_green = own.passes_green & ~passes_green  # both: no signal parts them
     keeps_on |= np.array([each.passes_red for each in others])
     keeps_on |= passes_green & (not own.passes_green)
-    own_drives_on = accepts | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes)
+    own_drives_on = keeps_green | _cannot_stop(
+        own_m, own_v, own_gaining, own_reactions_s, own_brakes
+    )
     other_drives_on = keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes)
     both: NDArray[np.bool_] = straight & own_drives_on & other_drives_on
     return both

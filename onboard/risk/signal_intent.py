@@ -55,7 +55,6 @@ def signal_intent(
     signals: Signals,
     acceleration_m_s2: float | None,
     *,
-    reaction_s: float = 0.0,
     braking_m_s2: float = ANSWERING_M_S2,
 ) -> Intent | None:
     """Return a driver's intent; `None` if no signal tells it.
@@ -65,7 +64,6 @@ def signal_intent(
         length_m: its length, half of which is ahead of its position.
         signals: those that are known.
         acceleration_m_s2: along its course; `None`: not known.
-        reaction_s: time until its driver brakes.
         braking_m_s2: a driver who brakes by more is not expected to pass.
     """
     speed_m_s = math.hypot(*vehicle.state[2:])
@@ -74,7 +72,7 @@ def signal_intent(
     if red_m is None:
         has_green = keeps_on and signals.green_light_m(vehicle) is not None
         return Intent.PASSES_GREEN if has_green else None
-    braking_m = red_m - length_m / 2.0 - speed_m_s * reaction_s
+    braking_m = red_m - length_m / 2.0
     if braking_m > 0.0 and speed_m_s**2 <= 2.0 * COMFORTABLE_M_S2 * braking_m:
         return Intent.STOPS
     return Intent.PASSES_RED if keeps_on and speed_m_s >= SETTING_OFF_M_S else None

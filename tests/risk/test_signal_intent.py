@@ -98,9 +98,17 @@ def test_who_creeps_over_the_stop_line_neither_stops_nor_passes() -> None:
     assert intent(9.0, 1.5) is None
 
 
-def test_the_host_driver_needs_his_reaction_time_as_well() -> None:
-    assert intent(48.0) is Intent.STOPS
-    assert intent(48.0, reaction_s=1.0) is Intent.PASSES_RED
+def test_a_host_driver_who_is_about_to_brake_for_his_red_is_not_warned() -> None:
+    """With 2.5 m/s^2, as at signals; the other has green, and is not about to stop."""
+    way_m = 14.0**2 / 5.0 + 2.5 + STOP_LINE_M
+    drive = braking(north(14.0, way_m + 28.0), 2.0, 2.5)
+
+    def stops(t: float) -> tuple[float, float, float, float]:
+        _, at_m, _, speed_m_s = drive(t)
+        return at_m, 0.0, speed_m_s, 0.0
+
+    goes = north(14.0, way_m + 27.0)
+    assert seen(stops, goes, Lights(north="green", east="red"), 7.6) == []
 
 
 @pytest.mark.parametrize("braking_m_s2", [1.5, 2.5, 3.0])
