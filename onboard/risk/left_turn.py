@@ -30,8 +30,9 @@ still too large when a turn begins."""
 _REPORTED = (ObjectSource.HOST, ObjectSource.BSM)
 TURNING_RAD_S = 0.04
 """Least yaw rate of a slow vehicle that turns with its turn signal on: eight sigmas of a sensor."""
-TURNING_M_S = 7.0
-"""Larger speeds are those of bends; a turn of 15 m then has a lateral acceleration of 0.3 g."""
+TURNING_M_S = (2.5, 7.0)
+"""Speeds of such a turn. Larger ones are those of bends; a vehicle that sets off to turn when there
+is a gap is slower, and how fast it will cross is not known yet."""
 PAST_RAD = 0.6
 """A vehicle that has turned past the other's path by less may still be in its way."""
 
@@ -77,7 +78,7 @@ def begun_turn_radius_m(
         yaw_rate: its own.
         signals: whether its left turn signal is on.
     """
-    if yaw_rate is None or not signals or speed_m_s > TURNING_M_S:
+    if yaw_rate is None or not signals or not TURNING_M_S[0] <= speed_m_s <= TURNING_M_S[1]:
         return None
     left_rad_s = -yaw_rate.yaw_rate_rad_s
     if left_rad_s < TURNING_RAD_S:

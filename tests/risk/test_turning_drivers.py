@@ -216,7 +216,9 @@ def test_a_slow_turn_has_begun_once_the_yaw_rate_shows_it_and_the_signal_is_on()
     turns, sways = YawRate(0.0, -0.1, "can"), YawRate(0.0, -0.03, "can")
 
     assert begun_turn_radius_m(4.0, turns, signals=True) == 15.0, "it has only begun"
-    assert begun_turn_radius_m(1.2, turns, signals=True) == pytest.approx(12.0)
+    turns_round = YawRate(0.0, -0.3, "can")
+    assert begun_turn_radius_m(2.7, turns_round, signals=True) == pytest.approx(9.0)
+    assert begun_turn_radius_m(1.2, turns_round, signals=True) is None, "it sets off"
     assert begun_turn_radius_m(4.0, turns, signals=False) is None
     assert begun_turn_radius_m(8.0, turns, signals=True) is None, "a bend of 80 m"
     assert begun_turn_radius_m(4.0, sways, signals=True) is None
