@@ -45,6 +45,8 @@ MONITOR, DRIVE = OUT / "monitor", OUT / "drive"
 LOOPBACK, RIG, BOX = "127.0.0.1", "10.0.2.2", "10.0.2.15"
 LINE_BAUD = 115_200
 READY_WITHIN_S = 600.0
+UP_WITHIN_S = 300
+"""Time of the bus to come up."""
 
 FORWARDED = ",".join(
     f"hostfwd=udp:{LOOPBACK}:{port}-:{port}" for port in (RADIO_PORT, NMEA_PORT, DETECTOR_PORT)
@@ -86,8 +88,16 @@ for each in /sys/class/net/e*; do
 done
 echo 'DEVICES="udp://0.0.0.0:{NMEA_PORT}"' >/etc/default/gpsd
 systemctl daemon-reload
+cat >/etc/systemd/network/70-slcan.network <<END
+[Match]
+Name=can0
+
+[CAN]
+BitRate=500K
+END
+systemctl restart systemd-networkd
 systemctl start slcan
-until ip link show can0 | grep -q 'state UP'; do sleep 1; done
+timeout {UP_WITHIN_S} sh -c 'until ip link show can0 | grep -q "state UP"; do sleep 1; done'
 systemctl start --no-block onboard
 """
 
