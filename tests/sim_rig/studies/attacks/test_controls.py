@@ -190,6 +190,7 @@ def test_a_red_light_of_an_insider_who_may_send_it_silences_a_true_alarm() -> No
     assert (counts.true_alarms, counts.true_missed) == (1, 1)
 
 
+@pytest.mark.long
 def test_a_red_light_long_before_where_a_vehicle_stops_alarms_nobody(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
