@@ -9,15 +9,16 @@ nothing, so each vehicle's are shown for `TEST_S` in `TEST_EVERY_S`.
 
 import math
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
+from onboard.core import Core
 from onboard.lcca.events import WarningLevel, WarningRaised
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.lcca import CarId, Warn
 from onboard.misbehaviour.signer_credibility import PASSING_ON, SignerCredibility
 from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause, Level
-from onboard.risk.alarm_table import row_of
+from onboard.risk.alarm_table import Credit, row_of
 from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
@@ -57,9 +58,12 @@ class AlarmClaims:
                 an alarm.
         """
         self.credibility = SignerCredibility(is_road_side_unit)
-        self.unconfirmed = SignerCredibility(is_road_side_unit, math.inf)
-        """Of the alarms that nothing confirms, true or not: each is paid for until it is over, for
-        who waits for a gap signals on beside an honest vehicle."""
+        self._accounts = {
+            Credit.SHARED: self.credibility,
+            Credit.OWN: SignerCredibility(is_road_side_unit),
+            # Paid for until it is over: who waits for a gap signals on beside an honest vehicle.
+            Credit.UNCONFIRMED: SignerCredibility(is_road_side_unit, math.inf),
+        }
         self._signer_of = signer_of
         self._has_sight = has_sight
         self._host = host
@@ -72,6 +76,11 @@ class AlarmClaims:
         """Claimant of the last one of each vehicle, by the name that alarms have for it."""
         self._tested_at: OrderedDict[str, float] = OrderedDict()
         """Start of the last test that was shown, by the same name."""
+
+    @property
+    def cores(self) -> Iterable[Core]:
+        """Those whose events are put out."""
+        return self._accounts.values()
 
     def receive_identified(self, signers: Collection[bytes]) -> None:
         """Take the signers of the vehicles that the host has identified; replaces the last ones."""
@@ -124,23 +133,25 @@ class AlarmClaims:
     def receive_speed(self, speed_m_s: float, now: float) -> None:
         """Take a sample of the host vehicle's speed."""
         if not self._has_sight:
-            self.credibility.receive_traffic_speed(speed_m_s, now)
+            self._receive_traffic_speed(speed_m_s, now)
 
     def receive_lead(self, lead: Lead, now: float) -> None:
         """Take an observation of the lead vehicle, for its speed."""
         sigma_m_s = lead.closing_speed_sigma_m_s
         if lead.track_id not in (None, self._lead_track):
             self._lead_track = lead.track_id
-            self.credibility.receive_other_traffic()
+            for account in self._confirmed:
+                account.receive_other_traffic()
         speed, closing_m_s = self._host.speed(now), lead.closing_speed_m_s
         if speed is not None and closing_m_s is not None and (sigma_m_s or 0.0) <= MAX_SIGMA_M_S:
-            self.credibility.receive_traffic_speed(speed.speed_m_s - closing_m_s, now)
+            self._receive_traffic_speed(speed.speed_m_s - closing_m_s, now)
 
     def alarming(self, objects: Sequence[PerceivedObject], now: float) -> list[PerceivedObject]:
         """Return the perceived objects but those that only ignored signers claim."""
         self._objects = {each.name: each for each in objects}
         sensed = {each.name for each in objects if each.is_sensed}
-        self.credibility.receive_sensed(sensed, now)
+        for account in self._confirmed:
+            account.receive_sensed(sensed, now)
         return [each for each in objects if self._may_alarm(each, now)]
 
     def admit(self, cause: Cause, assessment: Assessment, now: float) -> bool:
@@ -150,7 +161,7 @@ class AlarmClaims:
             return all(shown)
         row = row_of(cause)
         slows_traffic = row.slows_traffic or not self._has_sight
-        account = self.credibility if row.is_confirmed else self.unconfirmed
+        account = self._accounts[row.credit]
         for what, name in dict.fromkeys((each.what, each.name) for each in assessment.reasons):
             signers = self._claimants(name, is_bsm=what == BasicSafetyMessage.kind)
             if signers and not account.admit(
@@ -160,11 +171,19 @@ class AlarmClaims:
                 now,
                 slows_traffic=slows_traffic,
                 is_warning=assessment.level is Level.WARNING,
-                # What nobody confirms spends no alarms of others: all would soon be spent.
-                identified=self._identified if row.is_confirmed else signers,
+                # In their own account signers are to spend no alarms of others.
+                identified=self._identified if row.credit is Credit.SHARED else signers,
             ):
                 return False
         return True
+
+    @property
+    def _confirmed(self) -> tuple[SignerCredibility, ...]:
+        return self.credibility, self._accounts[Credit.OWN]
+
+    def _receive_traffic_speed(self, speed_m_s: float, now: float) -> None:
+        for account in self._confirmed:
+            account.receive_traffic_speed(speed_m_s, now)
 
     def _admit_test(self, name: str, now: float) -> bool:
         began_at = self._tested_at.get(name, -math.inf)

@@ -1,7 +1,7 @@
 """The vehicles in the lane into which the driver is about to change."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -15,8 +15,9 @@ LEAST_SPEED_M_S = 8.0
 LANE_M = 3.5
 """Width of a lane. The middle of a vehicle in the adjacent one is 0.5 to 1.5 times as far to the
 side."""
-LIKELY = 0.5
-"""Probability from which a vehicle is in the adjacent lane."""
+LIKELY, STILL_LIKELY = 0.5, 0.25
+"""Probability from which a vehicle is in the adjacent lane, and down to which it stays there: the
+errors of positions come and go in seconds."""
 OLDEST_S = 0.6
 """Age of a vehicle's last measurement or BSM above which its place is unknown."""
 
@@ -33,10 +34,16 @@ class AdjacentVehicle:
     """Of changing over; its value is the probability that the vehicle is in that lane."""
 
 
-def adjacent_vehicles(situation: Situation) -> Iterator[AdjacentVehicle]:
+def adjacent_vehicles(
+    situation: Situation, warned_of: Collection[str] = ()
+) -> Iterator[AdjacentVehicle]:
     """Yield the vehicles beside and behind in the lane to which the host vehicle signals.
 
     Both turn signals at once are the hazard signal, and announce nothing.
+
+    Args:
+        situation: at present.
+        warned_of: names of those that were there at the last assessment.
     """
     own, sides = situation.own, situation.host.turn_signals(situation.now)
     if own is None or len(sides) != 1 or math.hypot(*own.state[2:]) < LEAST_SPEED_M_S:
@@ -45,7 +52,8 @@ def adjacent_vehicles(situation: Situation) -> Iterator[AdjacentVehicle]:
     for other in situation.others:
         if other.age_s <= OLDEST_S:
             found = _adjacent(own, other, side, situation)
-            if found is not None and found.warning.value >= LIKELY:
+            likely = STILL_LIKELY if other.name in warned_of else LIKELY
+            if found is not None and found.warning.value >= likely:
                 yield found
 
 

@@ -47,6 +47,17 @@ class Measure(StrEnum):
     """That it becomes a collision, from 0 to 1."""
 
 
+class Credit(StrEnum):
+    """What alarms that rest on claims are charged to."""
+
+    SHARED = "shared"
+    """All signers share it: many of one vehicle raise hardly more false alarms than one."""
+    OWN = "own"
+    """Each signer has its own: honest traffic raises some that nothing confirms."""
+    UNCONFIRMED = "unconfirmed"
+    """The same where nothing confirms any, true or not."""
+
+
 @dataclass(frozen=True, slots=True)
 class AlarmRow:
     """One kind of alarm."""
@@ -68,8 +79,8 @@ class AlarmRow:
     """Whether a true one slows the traffic ahead of the host vehicle down, which confirms it."""
     may_brake: bool = True
     """Whether it may request braking."""
-    is_confirmed: bool = True
-    """Whether traffic or sensors confirm a true one; else it is not charged with the others."""
+    credit: Credit = Credit.SHARED
+    """What an alarm that rests on claims is charged to."""
     has_known_end: bool = False
     """Whether somebody says when the danger is over; else old observations are none."""
 
@@ -120,6 +131,7 @@ ALARMS: tuple[AlarmRow, ...] = (
         Headline.BRAKE,
         slows_traffic=True,
         may_brake=False,
+        credit=Credit.OWN,
     ),
     AlarmRow(
         IntersectionMovementAssist,
@@ -144,7 +156,7 @@ ALARMS: tuple[AlarmRow, ...] = (
         measure=Measure.PROBABILITY,
         of_each_vehicle=True,
         may_brake=False,
-        is_confirmed=False,
+        credit=Credit.UNCONFIRMED,
     ),
     AlarmRow(
         LaneChangeWarning,
@@ -154,7 +166,7 @@ ALARMS: tuple[AlarmRow, ...] = (
         measure=Measure.PROBABILITY,
         of_each_vehicle=True,
         may_brake=False,
-        is_confirmed=False,
+        credit=Credit.UNCONFIRMED,
     ),
 )
 """In the order in which they are assessed."""

@@ -20,11 +20,16 @@ class BlindSpotWarning(Application):
 
     cause: ClassVar[Cause] = BSW
 
-    def __init__(self, settings: RiskSettings) -> None:
-        """Start; no setting has a part in it."""
+    def __init__(self, _settings: RiskSettings) -> None:
+        """Start without vehicles; no setting has a part in it."""
+        self._warned_of: set[str] = set()
 
     @override
     def assess(self, situation: Situation) -> Assessed:
-        return [
-            each.warning for each in adjacent_vehicles(situation) if each.behind_m <= BLIND_SPOT_M
+        beside = [
+            each.warning
+            for each in adjacent_vehicles(situation, self._warned_of)
+            if each.behind_m <= BLIND_SPOT_M
         ]
+        self._warned_of = {warning.vehicle for warning in beside}
+        return beside

@@ -183,7 +183,7 @@ class Vehicle(Core):
         if self._risk.brake_requester is not None:
             yield self._risk.brake_requester
         if self._claims is not None:
-            yield from (self._claims.credibility, self._claims.unconfirmed)
+            yield from self._claims.cores
         yield from (self._risk.monitor, self._intersections, self._sharing.mvs)
         if link is not None:
             yield link

@@ -10,6 +10,7 @@ from onboard.observations import Lead, LeadIdentity, Speed
 from onboard.risk.alarm import AlarmReason, Assessment, Level
 from onboard.risk.braking_ahead import BRAKING_AHEAD
 from onboard.risk.bsw import BSW
+from onboard.risk.ima import IMA
 from onboard.risk.lcca_warning import LCCA
 from onboard.sensors.host_state import SPEED_VALID_S, HostState
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -184,7 +185,21 @@ def test_a_braking_ahead_without_positions_is_charged_to_who_signs_its_bsm() -> 
     ]
 
     assert admitted == [True] * MOST_ALARMS + [False]
-    assert claims.credibility.is_ignored(SIGNER, 100.0)
+    assert not claims.credibility.is_ignored(SIGNER, 100.0), "its place among others is its own"
+
+
+def test_unconfirmed_cautions_of_honest_traffic_take_no_alarm_from_a_crossing_vehicle() -> None:
+    """Eleven in two hours had left none to vehicles that the host has not identified."""
+    signers = {bytes((number,)) * 4: bytes((number,)) * 8 for number in range(12)}
+    claims = AlarmClaims(signers.get, lambda _: False, HostState(), has_sight=True)
+    *cautioned, crossing = (each.hex() for each in signers)
+    for number, name in enumerate(cautioned):
+        reason = AlarmReason("bsm", name, 0.0)
+        assert claims.admit(BRAKING_AHEAD, Assessment(Level.CAUTION, 4.0, (reason,)), 30.0 * number)
+    claims.alarming([vehicle(crossing)], 400.0)
+
+    reason = AlarmReason("perceived_object:bsm", crossing, 0.0)
+    assert claims.admit(IMA, Assessment(Level.WARNING, 0.9, (reason,), crossing), 400.0)
 
 
 def test_a_vehicle_that_stays_in_the_blind_spot_is_warned_of_until_it_has_gone() -> None:

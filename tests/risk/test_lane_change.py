@@ -7,7 +7,7 @@ import pytest
 
 from onboard.observations import Side, TurnSignal
 from onboard.risk.adjacent_lane import LEAST_SPEED_M_S, OLDEST_S
-from onboard.risk.alarm import Alarm, Cause
+from onboard.risk.alarm import Alarm, Cause, Level
 from onboard.risk.bsw import BSW
 from onboard.risk.lcw import CLOSING_S, LCW
 from onboard.tracking.perceived_object import PerceivedObject
@@ -89,3 +89,26 @@ def test_who_has_passed_is_no_danger_and_who_falls_back_comes_not_up() -> None:
 def test_who_drives_slowly_is_about_to_turn_and_a_vehicle_that_is_silent_is_not_placed() -> None:
     assert not raised(behind_m=2.0, speed_m_s=LEAST_SPEED_M_S - 1.0)
     assert not raised(behind_m=2.0, age_s=OLDEST_S + 0.1)
+
+
+def test_errors_of_positions_do_not_let_the_alarm_flicker() -> None:
+    """Of both together a sigma of 1 m, correlated over 20 s: beside the host for a minute."""
+    rng, off_m, ended = np.random.default_rng(3), 0.0, 0
+    scene = Scene(Road(lambda _: 0.0), 2.0 - LENGTH_M, lambda _: LANE_M)
+    monitor, own, other, now = scene.drive(300.0)
+    sigma_m2 = tuple(map(tuple, np.diag([0.5, 0.5, 0.01, 0.01]).tolist()))
+    own, other = (replace(each, covariance=sigma_m2) for each in (own, other))
+    for step in range(600):
+        off_m += -off_m / 200.0 + rng.normal(0.0, np.sqrt(2.0 / 200.0))
+        east_m, north_m, *velocity = other.state
+        moved = replace(other, state=(east_m, north_m + off_m, *velocity))
+        monitor.host.receive_observation(
+            TurnSignal(now + 0.1 * step, "left", is_on=True, source="can")
+        )
+        monitor.assess(own, [moved], now + 0.1 * step)
+        ended += sum(
+            isinstance(each, Alarm) and each.cause == BSW and each.level is Level.NONE
+            for each in iter(monitor.next_event, None)
+        )
+
+    assert ended <= 1
