@@ -17,8 +17,9 @@ HEADING_SIGMA_RAD = 0.1
 LEVEL_M = 3.5
 """A vehicle whose elevation differs by more is on a bridge over the host's road, or under it:
 bridges have a clearance above 4 m, receivers a sigma of about 0.7 m."""
-SLOPE = 0.02
-"""Added to `LEVEL_M` for each metre that both have to go: roads slope."""
+SLOPE = 0.015
+"""Added to `LEVEL_M` for each metre that both have to go: roads slope. With 0.02, receivers whose
+heights err by metres took a bridge 7 m up for a crossing (scenario `bridge`)."""
 
 _TIMEOUT_S = 5.0
 """Time for which elevation and size of a vehicle are kept after its last BSM."""

@@ -18,6 +18,8 @@ from onboard.risk.situation import Situation
 from onboard.trace.trace_line import Event
 
 LCCA = Cause("lcca")
+LEAST_SPEED_M_S = 2.0
+"""Below this host speed there is no warning: in a jam others brake all the time."""
 
 
 class LccaWarning(Application):
@@ -26,9 +28,8 @@ class LccaWarning(Application):
     cause = LCCA
     takes: ClassVar = (WarningRaised, WarningLevel, WarningOver)
 
-    def __init__(self, settings: RiskSettings) -> None:
-        """Start without a warning; `settings` have the least speed."""
-        self._least_speed_m_s = settings.least_speed_m_s
+    def __init__(self, _settings: RiskSettings) -> None:
+        """Start without a warning; no setting has a part in it."""
         self._warnings: dict[tuple[CarId, int], WarningRaised] = {}
         """Of brakings that are not over, by vehicle and sequence number."""
 
@@ -36,7 +37,7 @@ class LccaWarning(Application):
     def assess(self, situation: Situation) -> Assessed:
         """Assess the brakings that are not over."""
         speed = situation.speed
-        is_slow = speed is not None and speed.speed_m_s < self._least_speed_m_s
+        is_slow = speed is not None and speed.speed_m_s < LEAST_SPEED_M_S
         return [
             _assess(each, situation.now)
             for each in self._warnings.values()

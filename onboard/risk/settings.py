@@ -38,4 +38,4 @@ class RiskSettings(Settings):
     ima: ImaSettings = ImaSettings()
     """Intersection movement assist."""
     least_speed_m_s: float = Field(2.0, ge=0.0, le=20.0)
-    """Below this host speed there are no FCW, no EEBL and no LCCA warning."""
+    """Below this host speed there are no FCW and no EEBL."""

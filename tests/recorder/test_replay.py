@@ -344,6 +344,7 @@ def test_every_section_of_a_configuration_is_either_recorded_or_excluded() -> No
         "gnss",
         "radio",
         "hmi",
+        "interface",
         "trace",
         "recorder",
     }

@@ -105,6 +105,7 @@ def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKi
     assert counts.attempts > 0
 
 
+@pytest.mark.long
 def test_a_leader_that_names_a_member_as_its_next_id_takes_no_follower_from_it() -> None:
     """The member's joins were taken for the leader's own, and both followers lost their group."""
     counts = run_imposture(NextLeader, (1,), START_UTC_S, QUIET_S + 10.0, insiders=1, checks=True)

@@ -23,6 +23,7 @@ def test_with_a_yaw_rate_a_row_is_one_group_in_a_bend_without_lines(radius_m: in
     assert row_of("yaw rate", radius_m).holds
 
 
+@pytest.mark.long
 def test_without_lines_or_anything_that_tells_the_bend_it_is_none() -> None:
     row = row_of("nothing", 300)
 
@@ -30,6 +31,7 @@ def test_without_lines_or_anything_that_tells_the_bend_it_is_none() -> None:
     assert row.warned == 0
 
 
+@pytest.mark.long
 def test_lines_alone_tell_the_bend() -> None:
     assert row_of("lines", 300).holds
 
