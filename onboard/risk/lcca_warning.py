@@ -18,7 +18,7 @@ from onboard.risk.situation import Situation
 from onboard.trace.trace_line import Event
 
 LCCA = Cause("lcca")
-LEAST_SPEED_M_S = 2.0
+CRAWLING_M_S = 2.0
 """Below this host speed there is no warning: in a jam others brake all the time."""
 
 
@@ -37,7 +37,7 @@ class LccaWarning(Application):
     def assess(self, situation: Situation) -> Assessed:
         """Assess the brakings that are not over."""
         speed = situation.speed
-        is_slow = speed is not None and speed.speed_m_s < LEAST_SPEED_M_S
+        is_slow = speed is not None and speed.speed_m_s < CRAWLING_M_S
         return [
             _assess(each, situation.now)
             for each in self._warnings.values()
