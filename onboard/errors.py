@@ -1,5 +1,10 @@
 """Errors of the user and of senders; every other exception is an error of the program."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # pydantic takes longer to import than most commands to run
+    from pydantic import ValidationError
+
 
 class UserError(Exception):
     """A mistake in configuration, arguments or wiring; the message is one line for the user.
@@ -16,3 +21,9 @@ class DecodeError(ValueError):
         super().__init__(f"{reason}: {detail}" if detail else reason)
         self.reason = reason
         self.detail = detail
+
+
+def first_mistake(error: "ValidationError") -> str:
+    """Return where the first mistake in received data is, and what it is, without the data."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}".lstrip(": ")

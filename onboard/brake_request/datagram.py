@@ -9,7 +9,7 @@ one before.
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from onboard.brake_request.brake_requester import COUNTER_END, BrakeRequest
-from onboard.errors import DecodeError
+from onboard.errors import DecodeError, first_mistake
 from onboard.risk.alarm import Cause
 
 
@@ -49,6 +49,4 @@ def decode(data: bytes) -> RequestDatagram:
     try:
         return RequestDatagram.model_validate_json(data)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise DecodeError("no_request", f"{where}: {first['msg']}".lstrip(": ")) from error
+        raise DecodeError("no_request", first_mistake(error)) from error

@@ -20,6 +20,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from onboard.detector.range_rate_check import RangeRateCheck
+from onboard.errors import first_mistake
 from onboard.observations import DetectionList, Discarded, VehicleDetection
 from onboard.sensors.remote_clock import RemoteClock
 
@@ -76,9 +77,7 @@ class ObjectListReader:
         try:
             received = _ObjectList.model_validate_json(data)
         except ValidationError as error:
-            first = error.errors(include_url=False, include_context=False)[0]
-            where = ".".join(map(str, first["loc"]))
-            return self._discard(now, "no_object_list", f"{where}: {first['msg']}".lstrip(": "))
+            return self._discard(now, "no_object_list", first_mistake(error))
         (_, most), *_ = Counter(each.id for each in received.cars).most_common(1) or [(0, 0)]
         if most > 1:
             return self._discard(now, "repeated_id", "two vehicles have one id")

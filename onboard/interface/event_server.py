@@ -2,13 +2,12 @@
 
 import asyncio
 import contextlib
-import json
 from collections.abc import Callable
 
 import structlog
 
 from onboard.errors import DecodeError, UserError
-from onboard.interface.event_stream import EventReader, EventStream
+from onboard.interface.event_stream import EventReader, EventStream, line_of
 from onboard.interface.requests import (
     BrakeButtonPress,
     ObjectList,
@@ -90,7 +89,7 @@ class EventServer:
         client.transport.set_write_buffer_limits(_SENT_BYTES)
         reader = self._stream.open()
         first = {"kind": "interface", "version": VERSION, "build": self._build}
-        client.write(_line(first))
+        client.write(line_of(first))
         sending = asyncio.create_task(_send(reader, client))
         try:
             await self._take_requests(lines, client, reader)
@@ -123,7 +122,7 @@ class EventServer:
                 request = self._read(line, reader)
             except DecodeError as error:
                 client.write(
-                    _line({"kind": "refused", "reason": error.reason, "detail": error.detail})
+                    line_of({"kind": "refused", "reason": error.reason, "detail": error.detail})
                 )
                 return
             match request:
@@ -149,7 +148,3 @@ async def _send(reader: EventReader, client: asyncio.StreamWriter) -> None:
         while True:
             client.write(await reader.next())
             await client.drain()
-
-
-def _line(record: dict[str, object]) -> bytes:
-    return json.dumps(record).encode() + b"\n"

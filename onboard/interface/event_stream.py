@@ -2,10 +2,15 @@
 
 import asyncio
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 MOST_WAITING_BYTES = 1 << 18
 """For one reader; above it, all that waits is dropped."""
+
+
+def line_of(record: Mapping[str, object]) -> bytes:
+    """Return a record as a line of the stream."""
+    return json.dumps(record).encode() + b"\n"
 
 
 class EventReader:
@@ -42,8 +47,7 @@ class EventReader:
         self._arrived.clear()
         lines, self._waiting = self._waiting, []
         if self._dropped:
-            dropped = {"kind": "lines_dropped", "lines": self._dropped}
-            lines.insert(0, json.dumps(dropped).encode() + b"\n")
+            lines.insert(0, line_of({"kind": "lines_dropped", "lines": self._dropped}))
         self._bytes = self._dropped = 0
         return b"".join(lines)
 
@@ -54,10 +58,6 @@ class EventStream:
     def __init__(self) -> None:
         """Start without readers."""
         self._readers: set[EventReader] = set()
-
-    def __len__(self) -> int:
-        """Return the number of readers."""
-        return len(self._readers)
 
     def open(self) -> EventReader:
         """Return a new reader, which gets all that is published from now on."""

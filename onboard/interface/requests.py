@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from onboard.errors import DecodeError
+from onboard.errors import DecodeError, first_mistake
 
 MOST_KINDS = 64
 
@@ -52,9 +52,7 @@ def read_request(line: bytes, accepts: Collection[str]) -> Request:
     try:
         request = _REQUEST.validate_json(line)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise DecodeError("malformed", f"{where}: {first['msg']}".removeprefix(": ")) from None
+        raise DecodeError("malformed", first_mistake(error)) from None
     if request.kind != "subscribe" and request.kind not in accepts:
         raise DecodeError("not_permitted", f"interface.accepts lacks {request.kind}")
     return request

@@ -11,7 +11,13 @@ from onboard.errors import DecodeError
 from onboard.messages.its_common import PROTOCOL_VERSION
 from onboard.messages.lane_nodes import LatLon, Node
 from onboard.messages.lanes import GenericLane
-from onboard.messages.map_data import MAP_DATA, MapData, ReferencePoint
+from onboard.messages.map_data import (
+    MAP_DATA,
+    IntersectionGeometry,
+    MapData,
+    ReferencePoint,
+    RoadSegment,
+)
 from onboard.messages.spat import SPAT, Spat
 
 SPATEM_ID, MAPEM_ID = 4, 5
@@ -21,6 +27,7 @@ VERSIONS_READ = (1, PROTOCOL_VERSION)
 STEP_DEG = 1e-7
 _HEADER_BYTES = 6
 
+PartT = TypeVar("PartT", IntersectionGeometry, RoadSegment)
 PlaceT = TypeVar("PlaceT", ReferencePoint, LatLon)
 
 
@@ -65,29 +72,23 @@ def _content(data: bytes, message_id: int, name: str) -> bytes:
 
 def _moved(message: MapData, by_deg: float) -> MapData:
     """Return a MAP with all its longitudes moved."""
-    intersections, segments = message.intersections, message.road_segments
     return replace(
         message,
-        intersections=None
-        if intersections is None
-        else tuple(
-            replace(
-                each,
-                ref_point=_moved_longitude(each.ref_point, by_deg),
-                lanes=tuple(_moved_lane(lane, by_deg) for lane in each.lanes),
-            )
-            for each in intersections
-        ),
-        road_segments=None
-        if segments is None
-        else tuple(
-            replace(
-                each,
-                ref_point=_moved_longitude(each.ref_point, by_deg),
-                lanes=tuple(_moved_lane(lane, by_deg) for lane in each.lanes),
-            )
-            for each in segments
-        ),
+        intersections=_moved_parts(message.intersections, by_deg),
+        road_segments=_moved_parts(message.road_segments, by_deg),
+    )
+
+
+def _moved_parts(parts: tuple[PartT, ...] | None, by_deg: float) -> tuple[PartT, ...] | None:
+    if parts is None:
+        return None
+    return tuple(
+        replace(
+            each,
+            ref_point=_moved_longitude(each.ref_point, by_deg),
+            lanes=tuple(_moved_lane(lane, by_deg) for lane in each.lanes),
+        )
+        for each in parts
     )
 
 

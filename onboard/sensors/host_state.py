@@ -6,6 +6,7 @@ path history) are given the samples themselves.
 """
 
 from collections.abc import Set as AbstractSet
+from typing import TypeVar
 
 from onboard.observations import (
     BrakePedal,
@@ -39,6 +40,9 @@ HOST_WINDOW_S = 0.5
 """Window of the acceleration that alarms use: steps of 1 km/h are 0.2 m/s^2 over it."""
 BRAKING_WINDOW_S = 0.6
 """Window of the driver's braking, the same as that of the vehicle ahead: both lag alike."""
+
+
+ObservationT = TypeVar("ObservationT", Speed, BrakePedal, Position, YawRate)
 
 
 class HostState:
@@ -76,18 +80,15 @@ class HostState:
 
     def speed(self, now: float, valid_s: float = SPEED_VALID_S) -> Speed | None:
         """Return the last speed; `None` if it is older than `valid_s`, or dated ahead by more."""
-        speed = self._speed
-        return speed if speed is not None and abs(now - speed.stamp_s) <= valid_s else None
+        return _valid(self._speed, now, valid_s)
 
     def pedal(self, now: float, valid_s: float = PEDAL_VALID_S) -> BrakePedal | None:
         """Return the last state of the brake pedal, as `speed` does."""
-        pedal = self._pedal
-        return pedal if pedal is not None and abs(now - pedal.stamp_s) <= valid_s else None
+        return _valid(self._pedal, now, valid_s)
 
     def position(self, now: float, valid_s: float = POSITION_VALID_S) -> Position | None:
         """Return the last fix, as `speed` does."""
-        fix = self._position
-        return fix if fix is not None and abs(now - fix.stamp_s) <= valid_s else None
+        return _valid(self._position, now, valid_s)
 
     def turn_signals(self, now: float) -> AbstractSet[Side]:
         """Return the sides whose turn signals are on; both are the hazard signal."""
@@ -99,9 +100,7 @@ class HostState:
 
     def yaw_rate(self, now: float, valid_s: float = YAW_RATE_VALID_S) -> YawRate | None:
         """Return the last yaw rate on the bus, as `speed` does."""
-        yaw_rate = self._yaw_rate
-        is_valid = yaw_rate is not None and abs(now - yaw_rate.stamp_s) <= valid_s
-        return yaw_rate if is_valid else None
+        return _valid(self._yaw_rate, now, valid_s)
 
     def acceleration_m_s2(self, now: float) -> float | None:
         """Return the slope of the speed over `HOST_WINDOW_S`; `None` while unknown."""
@@ -110,3 +109,7 @@ class HostState:
     def braking_m_s2(self, now: float) -> float | None:
         """Return how hard the driver brakes at least, as `HostBraking` does."""
         return self._braking.at_least_m_s2(now)
+
+
+def _valid(last: ObservationT | None, now: float, valid_s: float) -> ObservationT | None:
+    return last if last is not None and abs(now - last.stamp_s) <= valid_s else None
