@@ -188,6 +188,7 @@ class Lead:
     closing_speed_m_s: float | None = None
     """Positive while the gap shrinks."""
     closing_speed_sigma_m_s: float | None = None
+    """Without the error of scale that it shares with the gap: a TTC has none."""
     track_id: int | None = None
     """Number of the camera's track: constant while the same vehicle is tracked, and never used
     again for another one."""

@@ -1,5 +1,6 @@
 """Input and output values of the identification of the lead, and of the warning group."""
 
+import math
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -46,6 +47,10 @@ class TrackedLead:
         """
         if lead.track_id is None or lead.gap_m is None:
             return None
+        closing_m_s, closing_sigma_m_s = lead.closing_speed_m_s, lead.closing_speed_sigma_m_s
+        if closing_m_s is not None and closing_sigma_m_s is not None:  # speeds of BSMs have a scale
+            scale_sigma = (lead.gap_sigma_m or 0.0) / max(lead.gap_m, 1.0)
+            closing_sigma_m_s = math.hypot(closing_sigma_m_s, scale_sigma * closing_m_s)
         texts: dict[CarId, str] = {}
         probabilities: defaultdict[CarId, float] = defaultdict(float)
         for each in lead.candidates:  # look-alike texts have one ID
@@ -56,8 +61,8 @@ class TrackedLead:
             lead.stamp_s,
             lead.track_id,
             lead.gap_m,
-            lead.closing_speed_m_s,
-            lead.closing_speed_sigma_m_s,
+            closing_m_s,
+            closing_sigma_m_s,
             tuple(CandidateCar(texts[each], each, p) for each, p in probabilities.items()),
         )
 

@@ -37,7 +37,7 @@ def example(
 ) -> None:
     """Write an example: a car at a desk, or a whole configuration.
 
-    No file is replaced.
+    No file is replaced: one that is there already, as another example wrote it, stays.
     """
     files = EXAMPLES.get(Path(name).stem)
     if files is None:
@@ -50,7 +50,16 @@ def example(
             with written.open("x", encoding="utf-8") as new:
                 new.write(text)
         except FileExistsError:
-            raise UserError(f"{written}: exists; remove it, or give --out FOLDER") from None
+            if not _is(written, text):
+                raise UserError(f"{written}: exists; remove it, or give --out FOLDER") from None
         except OSError as error:
             raise UserError(f"{written}: cannot be written: {error.strerror}") from error
         typer.echo(f"{written}")
+
+
+def _is(file: Path, text: str) -> bool:
+    """Whether a file has this text."""
+    try:
+        return file.read_text("utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False

@@ -105,10 +105,11 @@ class Perception:
         self._rear.track(frame, self._lead)
         tracks = self._tracker.tracks
         vehicles = [bounding_box(track.corners_px) for track in tracks]
-        self._events += self._picture_watch.receive_frame(frame, vehicles)
         plan = self._schedule.next_plan(frame, tracks, self._lead)
         self._lane_watch.receive_frame(frame, tracks, self._lead, is_searched=plan.has_vehicles)
         detections = frame.camera.detect(frame.image, plan)
+        legibility = max((each.confidence for each in detections if each.was_read), default=0.0)
+        self._events += self._picture_watch.receive_frame(frame, vehicles, legibility)
         pairs = self._tracker.receive_detections(detections, frame.stamp_s)
         for track in self._tracker.tracks:
             track.receive_image(frame.image, frame.stamp_s)

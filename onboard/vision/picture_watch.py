@@ -23,6 +23,9 @@ from onboard.vision.perspective import RoadPosition
 
 PERIOD_S, PAIR_S = 1.0, 0.2
 """Time between two examined pictures, and the longest between the two of a pair."""
+LEGIBLE, LEGIBLE_S = 0.9, 2.5
+"""Probability of a plate's text from which its picture is not blurred, and for how long a reading
+says so: the plate of an identified lead is read once a second."""
 RANGE_SIGMA = {
     Impairment.TURNED: 0.3,
     Impairment.DIRTY: 0.25,
@@ -52,7 +55,7 @@ class PictureWatch:
 
     def reset(self) -> None:
         """Start anew: the next frame is of another drive."""
-        self._examined_at = -math.inf
+        self._examined_at = self._legible_at = -math.inf
         self._first: npt.NDArray[np.uint8] | None = None
         """The first picture of a pair."""
         self._shares = dict.fromkeys((Impairment.BLURRED, Impairment.OVER_EXPOSED), 0.0)
@@ -82,14 +85,17 @@ class PictureWatch:
         return abs(float(np.median(self._turns, axis=0)[0]))
 
     def receive_frame(
-        self, frame: AdmittedFrame, vehicles: Sequence[ImageBox]
+        self, frame: AdmittedFrame, vehicles: Sequence[ImageBox], legibility: float
     ) -> list[SensorImpaired]:
         """Examine a frame if it is due, and report what impairs the camera if that has changed.
 
         Args:
             frame: of the camera.
             vehicles: where vehicles are seen: these hide the horizon.
+            legibility: largest probability of a plate's text that was read in the frame, 0 without.
         """
+        if legibility >= LEGIBLE:
+            self._legible_at = frame.stamp_s
         first, self._first = self._first, None
         if first is not None and frame.stamp_s - self._examined_at <= PAIR_S:
             self._examine_motion(frame, first, vehicles)
@@ -103,8 +109,9 @@ class PictureWatch:
 
     def _examine_light(self, frame: AdmittedFrame, grey: npt.NDArray[np.uint8]) -> None:
         """Whether it is blurred or over-exposed."""
+        is_legible = frame.stamp_s - self._legible_at <= LEGIBLE_S
         is_so = {
-            Impairment.BLURRED: blur_of(grey) >= BLURRED,
+            Impairment.BLURRED: not is_legible and blur_of(grey) >= BLURRED,
             Impairment.OVER_EXPOSED: frame.is_over_exposed,
         }
         self._momentary = frozenset(each for each in is_so if is_so[each])

@@ -14,16 +14,12 @@ class TrackReport:
     """Makes the observations of one frame; all tracks are predicted to its stamp."""
 
     def __init__(self, lens_sigma: float) -> None:
-        """Take the sigma of all distances and speeds by the lens, as a share of them."""
+        """Take the sigma of all distances by the lens, as a share of them."""
         self._lens_sigma = lens_sigma
         self.picture_sigma = 0.0
         """The same by what impairs the picture."""
         self.bearing_sigma_rad = 0.0
         """Sigma of all bearings by it."""
-
-    @property
-    def _common_sigma(self) -> float:
-        return math.hypot(self._lens_sigma, self.picture_sigma)
 
     def plates(
         self,
@@ -69,9 +65,7 @@ class TrackReport:
             gap_m=ahead.position_m,
             gap_sigma_m=self._distance_sigma_m(track, ahead.position_m),
             closing_speed_m_s=-ahead.rate_m_s,
-            closing_speed_sigma_m_s=math.hypot(
-                ahead.rate_sigma_m_s, self._common_sigma * ahead.rate_m_s
-            ),
+            closing_speed_sigma_m_s=ahead.rate_sigma_m_s,
             track_id=track.track_id,
             candidates=track.candidates,
             box=bounding_box(track.corners_px) if track.observed_at == stamp_s else None,
@@ -96,8 +90,8 @@ class TrackReport:
 
     def _distance_sigma_m(self, track: VehicleTrack, distance_m: float) -> float:
         """Sigma with the errors common to all distances of this track, or of this drive."""
-        shares = track.size_sigma * distance_m, self._common_sigma * distance_m
-        return math.hypot(track.gap_sigma_m, *shares)
+        share = math.hypot(track.size_sigma, self._lens_sigma, self.picture_sigma)
+        return math.hypot(track.gap_sigma_m, share * distance_m)
 
 
 def _plate(

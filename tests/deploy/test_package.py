@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from onboard.errors import UserError
 from onboard.recorder.build import present_build
 from onboard.tools.example_cli import EXAMPLES, example
 from tests.docs.test_pages import ROOT
@@ -87,3 +88,13 @@ def test_an_example_is_written_with_the_files_that_it_names(tmp_path: Path) -> N
     assert "file: desk.log" in (tmp_path / "desk.yaml").read_text("utf-8")
     log = (tmp_path / "desk.log").read_bytes()
     assert log == (ROOT / "examples/desk.log").read_bytes()
+
+
+def test_a_file_of_two_examples_is_written_once_and_none_is_replaced(tmp_path: Path) -> None:
+    example("desk", tmp_path)
+    example("lesson", tmp_path)
+    (tmp_path / "desk.log").write_text("mine", encoding="utf-8")
+
+    with pytest.raises(UserError, match=r"desk\.log: exists; remove it"):
+        example("lesson", tmp_path)
+    assert (tmp_path / "desk.log").read_text("utf-8") == "mine"

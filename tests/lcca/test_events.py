@@ -28,3 +28,13 @@ def test_texts_of_one_id_are_one_candidate() -> None:
         ("GN477KB", b"GN477KB"),
     ]
     assert [each.probability for each in vehicle.candidates] == pytest.approx([0.75, 0.2])
+
+
+def test_the_error_of_scale_of_the_gap_is_one_of_the_closing_speed() -> None:
+    """A closing speed by a camera whose lens is guessed is compared with speeds of BSMs."""
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, None, 20.0, 5.0, 8.0, 1.5, track_id=1)
+
+    vehicle = TrackedLead.of(lead, str.encode)
+
+    assert vehicle is not None
+    assert vehicle.closing_speed_sigma_m_s == pytest.approx(2.5)

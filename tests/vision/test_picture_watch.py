@@ -87,11 +87,14 @@ def watched(
 
 
 def watched_by(
-    watch: PictureWatch, images: Iterator[tuple[float, Image]], calibration: Calibration
+    watch: PictureWatch,
+    images: Iterator[tuple[float, Image]],
+    calibration: Calibration,
+    legibility: float = 0.0,
 ) -> tuple[list[SensorImpaired], float]:
     events, sigma = [], 0.0
     for frame in admitted(images, calibration):
-        events += watch.receive_frame(frame, [])
+        events += watch.receive_frame(frame, [], legibility)
         sigma = max(sigma, watch.range_sigma)
     return events, sigma
 
@@ -171,6 +174,14 @@ def test_a_blurred_or_dazzled_camera_is_reported_after_some_seconds_and_until_it
         (Impairment.OVER_EXPOSED,),
     ]
     assert [event.stamp_s for event in events] == [10.0, 13.0, 22.0]
+
+
+def test_a_picture_in_which_a_plate_is_legible_is_not_blurred() -> None:
+    road = motion_blurred(RENDERER.draw(Scene(()), np.random.default_rng(1)))
+    drive = [(float(at), np.asarray(np.roll(road, at, axis=1))) for at in range(12)]
+
+    assert watched_by(PictureWatch(LANE_M), iter(drive), CAMERA, legibility=0.95) == ([], 0.0)
+    assert watched_by(PictureWatch(LANE_M), iter(drive), CAMERA, legibility=0.5)[0] != []
 
 
 @pytest.mark.long
