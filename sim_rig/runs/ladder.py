@@ -2,7 +2,7 @@
 
 import csv
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -35,7 +35,8 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     Args:
         scenario: its name or file.
         out: folder of the runs' folders.
-        boxes: `CAR=FILE` for each car that is a box (`rungs_of_boxes`); the rig steps the others.
+        boxes: `CAR=FILE` for each car that is a box (`rungs_of_boxes`); the rig steps the others,
+            also where those cars are processes. Without boxes, all cars are.
 
     Returns:
         The worst outcome of a rung.
@@ -47,12 +48,13 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
     loaded = load_scenario(scenario)
     if (why := only_virtual(loaded)) is not None:
         raise UserError(f"{scenario}: has the rung of virtual time only: {why}")
+    of_boxes = rungs_of_boxes(boxes, loaded)
     rungs: dict[str, Callable[[Path], RunLog | LiveTestbench]] = {
         "virtual": lambda folder: run_in_virtual_time(loaded, loaded.seed, folder),
-        "processes": lambda folder: LiveTestbench(loaded, loaded.seed, folder),
+        "processes": partial(_live, loaded, {}, set().union(*of_boxes.values())),
     }
-    for rung, hardware in rungs_of_boxes(boxes, loaded).items():
-        rungs[rung] = partial(_with_boxes, loaded, hardware)
+    for rung, hardware in of_boxes.items():
+        rungs[rung] = partial(_live, loaded, hardware, ())
     console = Console(highlight=False)
     console.print(f"[bold]{loaded.title}[/bold]", soft_wrap=True)
     logs: dict[str, RunLog] = {}
@@ -102,10 +104,20 @@ def rungs_of_boxes(
     return {rung: load_boxes(boxes, scenario) for rung, boxes in files.items()}
 
 
-def _with_boxes(
-    scenario: Scenario, hardware: Mapping[str, BoxSettings], folder: Path
+def _live(
+    scenario: Scenario,
+    hardware: Mapping[str, BoxSettings],
+    daemons: Collection[str],
+    folder: Path,
 ) -> LiveTestbench:
-    return LiveTestbench(scenario, scenario.seed, folder, hardware, virtual_others=True)
+    return LiveTestbench(
+        scenario,
+        scenario.seed,
+        folder,
+        hardware,
+        virtual_others=bool(hardware or daemons),
+        daemons=daemons,
+    )
 
 
 def _figures(

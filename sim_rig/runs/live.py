@@ -10,7 +10,7 @@ import asyncio
 import json
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from types import MappingProxyType
@@ -68,6 +68,7 @@ class LiveTestbench:
         boxes: Mapping[str, BoxSettings] = _NO_BOXES,
         *,
         virtual_others: bool = False,
+        daemons: Collection[str] = (),
     ) -> None:
         """Prepare `folder`.
 
@@ -77,6 +78,7 @@ class LiveTestbench:
             folder: folder for all files of the run.
             boxes: the cars that are boxes.
             virtual_others: no other car is a process: the rig steps them itself.
+            daemons: cars that are processes also with `virtual_others`.
         """
         folder.mkdir(parents=True, exist_ok=True)
         (folder / START_FILE).unlink(missing_ok=True)
@@ -92,7 +94,8 @@ class LiveTestbench:
         self._keys = folder / "keys"
         self._boxes = boxes
         others = [car for car in scenario.equipped if car not in boxes]
-        self._virtual, self._processed = (others, []) if virtual_others else ([], others)
+        self._virtual = [car for car in others if virtual_others and car not in daemons]
+        self._processed = [car for car in others if car not in self._virtual]
         self._computers = {car: BoxComputer(car, box, folder) for car, box in boxes.items()}
         self._why_not_copied: dict[str, str | None] = {}
         """For each box; `None` where there is a recording."""

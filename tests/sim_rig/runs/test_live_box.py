@@ -271,3 +271,22 @@ def test_a_box_whose_recording_cannot_be_fetched_is_not_judged(
     log = run_with(off, brief, tmp_path)
     assert log.unjudged == {"red": "fetch: false: exit code 1"}
     assert verdict(brief, log).outcome is Outcome.INVALID
+
+
+def test_a_car_can_be_the_only_process_among_those_that_the_rig_steps(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    async def run() -> RunLog:
+        bench = LiveTestbench(
+            scenario, scenario.seed, tmp_path, virtual_others=True, daemons={"red"}
+        )
+        async with bench as testbench:
+            assert set(testbench.pages) == {"engineer", "red"}
+            await testbench.run()
+        return testbench.log()
+
+    found = verdict(scenario, asyncio.run(run()))
+
+    if found.rig_was_late:
+        pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
+    assert (found.failures, found.invalid) == ((), ())
