@@ -30,9 +30,19 @@ def test_no_installed_package_is_under_the_gpl() -> None:
     assert "LGPL" in licences("python-can")
 
 
+def test_the_notice_names_each_package_whose_licence_is_not_permissive() -> None:
+    names = {pin.split("==")[0] for pin in pinned(ROOT / "requirements.lock")}
+    notice = (ROOT / "NOTICE").read_text("utf-8")
+
+    asks_more = {name for name in names - {"colorama"} if re.search("GPL|MPL", licences(name))}
+    assert {"python-can", "libsumo", "pycrate", "hypothesis"} <= asks_more
+    assert {name for name in asks_more if name not in notice} == set()
+
+
 def licences(name: str) -> str:
     about = metadata(name)
-    return f"{about.get_all('License-Expression')} {about.get_all('Classifier')}"
+    first_line = (about["License"] or "").partition("\n")[0]
+    return f"{first_line} {about.get_all('License-Expression')} {about.get_all('Classifier')}"
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze")
