@@ -81,11 +81,11 @@ def _end(unlike: _Values) -> float:
 
 def _colours(image: npt.NDArray[np.uint8], corners_px: Corners, positions: _Values) -> _Values:
     """BGR by position along the plate (0 left to 1 right): means over the middle of its height."""
-    along, down = np.meshgrid(positions, np.linspace(0.25, 0.75, _HEIGHTS))
+    along, down = positions[:, None], np.linspace(0.25, 0.75, _HEIGHTS)[:, None, None]
     top_left, top_right, bottom_right, bottom_left = corners_px
-    upper = top_left + along[..., None] * (top_right - top_left)
-    lower = bottom_left + along[..., None] * (bottom_right - bottom_left)
-    points = (upper + down[..., None] * (lower - upper) - 0.5).astype(np.float32)
+    upper = top_left + along * (top_right - top_left)
+    lower = bottom_left + along * (bottom_right - bottom_left)
+    points = (upper + down * (lower - upper) - 0.5).astype(np.float32)
     colours = cv2.remap(
         image, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )

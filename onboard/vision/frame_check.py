@@ -127,13 +127,13 @@ def _clipped_share(sample: Image) -> float:
     """Share of the road, which is in the lower half, that is white and shows nothing."""
     rows = len(sample)
     road = sample[rows // 2 : rows - round(_RIM * rows)]
-    return float((road.min(axis=2) >= CLIPPED_LEVEL).mean())
+    return float((np.minimum.reduce(cv2.split(road)) >= CLIPPED_LEVEL).mean())
 
 
 def _is_repeat(sample: Image, last: Image) -> bool:
     rim = round(_RIM * len(sample))
     road, before = (each[rim : len(each) - rim] for each in (sample, last))
-    odd = np.count_nonzero((road != before).any(axis=2))
+    odd = np.count_nonzero(np.maximum.reduce(cv2.split(cv2.absdiff(road, before))))
     return bool(odd <= math.ceil(MAX_ODD * road[..., 0].size))
 
 

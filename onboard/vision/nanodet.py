@@ -79,8 +79,15 @@ def input_size(width_px: int, height_px: int) -> tuple[int, int]:
 
 def as_input(image: npt.NDArray[np.uint8]) -> Floats:
     """Convert an (h, w, 3) BGR image to the network's input (1, 3, h, w)."""
-    levels = (image - np.asarray(_MEAN, np.float32)) / np.asarray(_SIGMA, np.float32)
-    return np.ascontiguousarray(levels.transpose(2, 0, 1)[None])
+    pairs = zip(cv2.split(image), _NORMALISED, strict=True)
+    return np.asarray([[cv2.LUT(levels, values) for levels, values in pairs]], np.float32)
+
+
+_NORMALISED = [
+    (np.arange(256, dtype=np.float32) - np.float32(mean)) / np.float32(sigma)
+    for mean, sigma in zip(_MEAN, _SIGMA, strict=True)
+]
+"""The network's input for each level of blue, green and red."""
 
 
 def _decoded(

@@ -146,6 +146,6 @@ class Perspective:
 
 def bounding_box(corners_px: Corners) -> ImageBox:
     """The upright rectangle around corners."""
-    left, top = (float(value) for value in corners_px.min(axis=0))
-    right, bottom = (float(value) for value in corners_px.max(axis=0))
-    return ImageBox(left, top, right - left, bottom - top)
+    columns, rows = zip(*corners_px.tolist(), strict=True)  # numpy takes longer for so few
+    left, top = min(columns), min(rows)
+    return ImageBox(left, top, max(columns) - left, max(rows) - top)

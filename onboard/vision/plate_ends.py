@@ -59,7 +59,9 @@ def _outermost_edge(
     levels: npt.NDArray[np.float64], offsets_px: npt.NDArray[np.float64], width_px: float
 ) -> float:
     """Where (lines, offsets) of brightness have it; 0 if nowhere."""
-    steps = np.convolve(np.median(np.diff(levels, axis=1), axis=0), np.ones(3) / 3, "same")
+    middle = len(levels) // 2
+    median = np.partition(np.diff(levels, axis=1), middle, axis=0)[middle]  # of an odd number
+    steps = np.convolve(median, np.ones(3) / 3, "same")
     middles_px = offsets_px[:-1] + _STEP_PX / 2
     # The detector is more often nearly right than far off.
     likely = np.exp(-0.5 * (middles_px / (0.7 * offsets_px[-1])) ** 2)

@@ -72,6 +72,8 @@ class PlatePosterior:
         self._certain_readings: dict[str, float] = {}
         """Number of readings that alone were certain of a text, faded."""
         self._stamp_s = -math.inf
+        self._texts: tuple[PlateCandidate, ...] = ()
+        """All texts with their posterior, the likeliest first."""
         self.certain_text: str | None = None
         """The text that the plate certainly bears; `None` while there is none."""
 
@@ -112,12 +114,19 @@ class PlatePosterior:
                 self._certain_readings[text] = self._certain_readings.get(text, 0.0) + 1.0
         if len(self._evidence) > POOL:
             self._keep(sorted(self._evidence, key=lambda text: -self._evidence[text])[:POOL])
+        self._texts = self._by_posterior()
         self.certain_text = self._certainly_borne()
 
     def candidates(self, limit: int = MAX_CANDIDATES) -> tuple[PlateCandidate, ...]:
         """The likeliest texts with their posterior, the likeliest first, at most `limit`."""
-        if not self._readings:
-            return ()
+        return self._texts[:limit]
+
+    def probability(self, text: str) -> float:
+        """Posterior of one text; 1 without readings."""
+        same = (each.probability for each in self._texts if folded(each.text) == folded(text))
+        return next(same, 0.0) if self._texts else 1.0
+
+    def _by_posterior(self) -> tuple[PlateCandidate, ...]:
         share = 1.0 / (1.0 + max(self._readings - 1.0, 0.0) * CORRELATION)
         others = self._others / self._readings
         most = max(others, share * max(self._evidence.values()))
@@ -125,20 +134,14 @@ class PlatePosterior:
             text: math.exp(share * evidence - most) for text, evidence in self._evidence.items()
         }
         total = sum(weights.values()) + math.exp(others - most)
-        order = sorted(weights, key=lambda text: -weights[text])[:limit]
         return tuple(
-            PlateCandidate(self._spellings[text][1], weights[text] / total) for text in order
+            PlateCandidate(self._spellings[text][1], weights[text] / total)
+            for text in sorted(weights, key=lambda text: -weights[text])
         )
 
-    def probability(self, text: str) -> float:
-        """Posterior of one text; 1 without readings."""
-        texts = self.candidates(POOL)
-        same = (each.probability for each in texts if folded(each.text) == folded(text))
-        return next(same, 0.0) if texts else 1.0
-
     def _certainly_borne(self) -> str | None:
-        likeliest = next(iter(self.candidates(1)), None)
-        if likeliest is None or likeliest.probability < CERTAIN_TEXT:
+        likeliest = self._texts[0]
+        if likeliest.probability < CERTAIN_TEXT:
             return None
         certain = self._certain_readings.get(folded(likeliest.text), 0.0)
         return likeliest.text if certain >= CERTAIN_READINGS else None

@@ -80,11 +80,11 @@ class RearTracker:
         if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
             return
         grey = np.asarray(cv2.cvtColor(image[y0:y1, x0:x1], cv2.COLOR_BGR2GRAY), np.uint8)
-        on_rear = _mask(grey.shape, rear, x0, y0)
-        points = _corners(grey, on_rear)
+        masks = [_mask(grey.shape, rear, x0, y0)]
         if plate is not None:
             on_plate = _mask(grey.shape, _with_rim(plate), x0, y0)
-            points = np.concatenate([_corners(grey, on_plate), _corners(grey, on_rear & ~on_plate)])
+            masks = [on_plate, masks[0] & ~on_plate]
+        points = np.concatenate([_corners(grey, mask) for mask in masks])
         if len(points) >= MIN_POINTS:
             self._grey, self._points, self._origin = grey, points, (x0, y0)
 
