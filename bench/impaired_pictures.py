@@ -18,7 +18,7 @@ import numpy.typing as npt
 from onboard.observations import Impairment
 from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.perspective import Perspective
-from onboard.vision.picture_watch import RANGE_SIGMA
+from onboard.vision.picture_watch import DARK_SIGMA, RANGE_SIGMA
 from onboard.vision.settings import Calibration
 from onboard.vision.vehicle_detector import VehicleDetector
 from onboard.vision.vehicle_finder import VehicleFinder, overlap
@@ -84,10 +84,10 @@ def main() -> None:
             for ratio in _log_ratios(before, _found(finder, disturb(image), pitch_rad))
         ]
         rms, middle = math.sqrt(np.square(ratios).mean()), math.exp(np.median(ratios))
-        sigma = f"{RANGE_SIGMA[impairment]:.2f}" if impairment else "none"
+        sigma = RANGE_SIGMA[impairment] if impairment else DARK_SIGMA
         print(
             f"{name}: {len(ratios)} of {vehicles}, range {middle - 1:+.1%}, rms {rms:.2f}, "
-            f"sigma {sigma}",
+            f"sigma {sigma:.2f}",
             flush=True,
         )
 

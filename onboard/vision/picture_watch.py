@@ -34,6 +34,10 @@ RANGE_SIGMA = {
 }
 """Relative sigma of ranges that each adds, from the labelled photographs disturbed by known amounts
 (`python -m bench.impaired_pictures`); dirt is taken for blur."""
+DARK_LEVEL, DARK_SIGMA = 30.0, 0.16
+"""Median grey level of the road below which the picture is dark, and what that adds, as above. Of
+the photographs all have more, and nine in ten less once they are darkened by a gamma of 2.5; of the
+clips, those by night included, all that show a road have 43 and more."""
 GAIN, PRESENT, GONE = 0.3, 0.8, 0.5
 """Weight of each picture in the share of impaired ones, and the shares from which an impairment is
 present, after five of them, and below which it is gone, after two without."""
@@ -65,6 +69,7 @@ class PictureWatch:
         self._turns: deque[npt.NDArray[np.float64]] = deque(maxlen=FOCUSES)
         """Angles to the right and down from where the camera should look."""
         self._momentary: frozenset[Impairment] = frozenset()
+        self._is_dark = False
         self._present: frozenset[Impairment] = frozenset()
 
     @property
@@ -75,7 +80,8 @@ class PictureWatch:
     @property
     def range_sigma(self) -> float:
         """Relative sigma of ranges by what impairs the picture, now or for longer."""
-        return max((RANGE_SIGMA[each] for each in self._present | self._momentary), default=0.0)
+        sigmas = [RANGE_SIGMA[each] for each in self._present | self._momentary]
+        return max([*sigmas, DARK_SIGMA if self._is_dark else 0.0])
 
     @property
     def bearing_sigma_rad(self) -> float:
@@ -108,7 +114,9 @@ class PictureWatch:
         return self._changed(frame.stamp_s)
 
     def _examine_light(self, frame: AdmittedFrame, grey: npt.NDArray[np.uint8]) -> None:
-        """Whether it is blurred or over-exposed."""
+        """Whether it is blurred, over-exposed or dark."""
+        rows = len(grey)
+        self._is_dark = float(np.median(grey[rows // 2 : rows - rows // 8])) < DARK_LEVEL
         is_legible = frame.stamp_s - self._legible_at <= LEGIBLE_S
         is_so = {
             Impairment.BLURRED: not is_legible and blur_of(grey) >= BLURRED,

@@ -15,7 +15,7 @@ from onboard.vision.focus_of_expansion import focus_of_expansion
 from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
 from onboard.vision.frames import Image
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.picture_watch import LEAST_FOCUSES, RANGE_SIGMA, PictureWatch
+from onboard.vision.picture_watch import DARK_SIGMA, LEAST_FOCUSES, RANGE_SIGMA, PictureWatch
 from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sized_camera import Networks, SizedCameras
@@ -57,6 +57,11 @@ def motion_blurred(image: Image) -> Image:
     """Blurred sideways by what 9 px are of 1242."""
     length_px = round(image.shape[1] * 9 / 1242)
     return np.asarray(cv2.blur(image, (length_px, 1)), np.uint8)
+
+
+def dark(image: Image) -> Image:
+    """With a gamma of 3."""
+    return np.asarray(255 * (image / 255) ** 3.0, np.uint8)
 
 
 def bright(image: Image) -> Image:
@@ -182,6 +187,15 @@ def test_a_picture_in_which_a_plate_is_legible_is_not_blurred() -> None:
 
     assert watched_by(PictureWatch(LANE_M), iter(drive), CAMERA, legibility=0.95) == ([], 0.0)
     assert watched_by(PictureWatch(LANE_M), iter(drive), CAMERA, legibility=0.5)[0] != []
+
+
+def test_ranges_in_a_dark_picture_are_less_certain_and_nothing_is_impaired() -> None:
+    road = RENDERER.draw(Scene(()), np.random.default_rng(1))
+    drives = (
+        ((float(at), np.roll(image, at, axis=1)) for at in range(6)) for image in (road, dark(road))
+    )
+
+    assert [watched(drive, CAMERA) for drive in drives] == [([], 0.0), ([], DARK_SIGMA)]
 
 
 @pytest.mark.long
