@@ -56,10 +56,11 @@ class NanoDet:
         columns, rows = input_size(width, height)
         scale = min(columns / width, rows / height)
         size = max(1, round(scale * width)), max(1, round(scale * height))
-        view = np.full((rows, columns, 3), _GREY, np.uint8)
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-        view[: size[1], : size[0]] = cv2.resize(image, size, interpolation=way)
-        answer = self._network.run_one(as_input(view))[0]
+        view = cv2.resize(image, size, interpolation=way)
+        rims = 0, rows - size[1], 0, columns - size[0]
+        view = cv2.copyMakeBorder(view, *rims, cv2.BORDER_CONSTANT, value=_GREY)
+        answer = self._network.run_one(as_input(np.asarray(view, np.uint8)))[0]
         boxes, scores, kinds = _decoded(answer, (columns, rows), self._least_score)
         boxes = np.clip(boxes / scale, 0, [width, height, width, height])
         sides = np.hstack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]])
