@@ -133,7 +133,9 @@ add_system_files() {
     put "$files/onboard-journald.conf" "$journal"
     put "$files/70-onboard.rules" "$rules"
     put "$files/80-onboard-sysctl.conf" "$sysctl"
-    put "$files/80-onboard-can.network" "$networks/80-onboard-can.network"
+    for file in 79-onboard-slcan.network 80-onboard-can.network; do
+        put "$files/$file" "$networks/$file"
+    done
     if [ "$vcan" = yes ]; then
         for file in 80-onboard-vcan.netdev 80-onboard-vcan.network; do
             put "$files/$file" "$networks/$file"
@@ -187,7 +189,8 @@ uninstall() {
     rm -rf "$units/gpsd.service.d/onboard.conf" "$units/onboard.service.d"
     rm -f "$units/onboard.service" "$units/onboard-proven.service" "$journal" "$rules" "$sysctl"
     rm -f "$programs/onboard" "$programs/onboard-releases"
-    rm -f "$networks"/80-onboard-can.network "$networks"/80-onboard-vcan.*
+    rm -f "$networks"/79-onboard-slcan.network "$networks"/80-onboard-can.network
+    rm -f "$networks"/80-onboard-vcan.*
     rmdir "$units/gpsd.service.d" 2>/dev/null || true
     if [ -z "$root" ]; then
         if ip link show vcan0 >/dev/null 2>&1; then ip link delete vcan0; fi

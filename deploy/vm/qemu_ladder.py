@@ -88,14 +88,6 @@ for each in /sys/class/net/e*; do
 done
 echo 'DEVICES="udp://0.0.0.0:{NMEA_PORT}"' >/etc/default/gpsd
 systemctl daemon-reload
-cat >/etc/systemd/network/70-slcan.network <<END
-[Match]
-Name=can0
-
-[CAN]
-BitRate=500K
-END
-systemctl restart systemd-networkd
 systemctl start slcan
 timeout {UP_WITHIN_S} sh -c 'until ip link show can0 | grep -q "state UP"; do sleep 1; done'
 systemctl start --no-block onboard

@@ -57,6 +57,17 @@ def test_the_service_is_sandboxed() -> None:
     assert result.returncode == 0, result.stdout[-300:] + result.stderr
 
 
+def test_a_serial_adapter_is_not_held_back_by_what_its_driver_refuses() -> None:
+    """The first file that matches counts. The driver of slcan knows no restart."""
+    files = {file.name: file.read_text() for file in (ROOT / "deploy" / "files").glob("*.network")}
+    of_all = min(name for name, text in files.items() if "Name=can*\n\n" in text)
+    of_slcan = [name for name, text in files.items() if "Name=can*\nDriver=can\n" in text]
+
+    assert "RestartSec=" in files[of_all]
+    assert [name < of_all for name in of_slcan] == [True]
+    assert "RestartSec=" not in files[of_slcan[0]].partition("[Match]")[2]
+
+
 def test_scripts_parse_in_a_posix_shell() -> None:
     for script in (ROOT / "deploy").rglob("*.sh"):
         subprocess.run(["sh", "-n", str(script)], check=True)
