@@ -4,7 +4,7 @@
 # and onboard are those of the PYTHON that is given. Afterwards the recording of the box is played
 # onto its wires: does it decide as a replay does?
 #
-#   PYTHON=.venv/bin/python examples/box/namespaces.sh [ladder SCENARIO | run SCENARIO [OPTION]...]
+#   PYTHON=.venv/bin/python examples/box/namespaces.sh [ladder SCENARIO | run SCENARIO [OPTION]... | score]
 set -eu
 if [ -z "${IN_NAMESPACES:-}" ]; then
     IN_NAMESPACES=1 exec unshare --user --map-root-user --net --pid --mount-proc --fork \
@@ -12,7 +12,11 @@ if [ -z "${IN_NAMESPACES:-}" ]; then
 fi
 here=$(dirname "$0")
 [ $# -gt 0 ] || set -- ladder fig4
-case $1 in ladder) rung=box ;; *) rung=live ;; esac
+case $1 in
+ladder) car=red= rung=box ;;
+score) car= ;;
+*) car=red= rung=live ;;
+esac
 folder=out/box
 rm -rf "$folder"
 mkdir -p "$folder"
@@ -39,7 +43,8 @@ nsenter --target "$box" --net sh -c '
     ip link set lo up; ip address add 192.168.77.2/24 dev box; ip link set box up
 '
 "$PYTHON" -m sim_rig doctor "$folder/red.yaml" --out "$folder"
-"$PYTHON" -m sim_rig "$@" --box "red=$folder/red.yaml" --out "$folder"
+"$PYTHON" -m sim_rig "$@" --box "$car$folder/red.yaml" --out "$folder"
+[ "$1" != score ] || exit 0
 recording=$folder/$2-$rung/box/red
 "$PYTHON" -m onboard replay --expect "$recording"
 
