@@ -1,21 +1,25 @@
 """Certificates of a run: of an authority of its own, or of the one that issued a box's keys."""
 
+import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from onboard.recorder.header import RecordingHeader
 from onboard.security.credentials import Authority, Credentials
 from onboard.security.key_files import (
+    KeyFilesError,
     check_ids,
     read_authority,
+    read_credentials,
     trusted,
     write_authority,
     write_credentials,
 )
 from onboard.tools.test_ca.authority import (
     DAY_S,
+    KnownPlate,
     Validity,
     issue_trial,
     make_issuing,
@@ -32,12 +36,17 @@ from sim_rig.scenario.schema import Scenario
 
 _BOX_DAYS = 30
 _BOX_PSEUDONYMS = 20
+_RUN_S = 3600.0
+"""A run is over by then."""
 
 
 def run_credentials(
     scenario: Scenario, boxes: Mapping[str, BoxSettings], utc_s: float
 ) -> dict[str, Credentials]:
     """Return the credentials of all stations of a run; a box has its own already.
+
+    A vehicle beside a box has those of an earlier run, since a box rightly distrusts an ID that two
+    signers use.
 
     Raises:
         KeyFilesError: the boxes' folder of keys cannot be read or made, or a box's certificates are
@@ -66,10 +75,31 @@ def run_credentials(
         )
         write_credentials(folder / car, own)
     trial = issue_trial(issuing, cars, scenario.psids, utc_s, road_side_units=units, plates=plates)
+    for car in plates.keys() - boxes.keys():
+        trial[car] = _kept(folder / "others", trial[car], scenario.psids, plates[car], utc_s)
     for credentials in trial.values():
         # An authority that may not grant a service is an error now, not silence in the run.
         trusted(credentials, [folder / "issuing"] * len(credentials.pseudonyms))
     return trial
+
+
+def _kept(
+    folder: Path, new: Credentials, psids: Collection[int], plate: KnownPlate, utc_s: float
+) -> Credentials:
+    """Return the credentials of a plate in `folder`, where `new` ones are kept if none serve."""
+    folder.mkdir(mode=0o700, exist_ok=True)
+    own = folder / plate.text
+    try:
+        kept = read_credentials(own, psids)
+        check_ids(own, plate.text, plate.digest)
+    except KeyFilesError:
+        kept = new
+    until_utc_s = kept.pseudonyms[0].certificate.subject.valid_until_utc_s
+    if kept is new or kept.authorities != new.authorities or utc_s + _RUN_S > until_utc_s:
+        shutil.rmtree(own, ignore_errors=True)
+        write_credentials(own, new)
+        return new
+    return kept
 
 
 def make_keys_of_drive(folder: Path, header: RecordingHeader) -> None:

@@ -186,6 +186,22 @@ def test_a_box_s_certificates_of_another_plate_are_named(fig4: Scenario, tmp_pat
         run_credentials(renamed, boxes, 1_750_000_000.0)
 
 
+@pytest.mark.long
+def test_a_vehicle_beside_a_box_signs_in_all_runs_as_the_same(
+    fig4: Scenario, tmp_path: Path
+) -> None:
+    """The box would distrust an ID that two signers use."""
+    boxes = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
+    at_utc_s = 1_750_000_000.0
+    first, next_run, next_day = (
+        [own.certificate for own in run_credentials(fig4, boxes, utc_s)["green"].pseudonyms]
+        for utc_s in (at_utc_s, at_utc_s + 90.0, at_utc_s + 86_400.0)
+    )
+
+    assert next_run == first
+    assert not {each.hashed_id8 for each in next_run} & {each.hashed_id8 for each in next_day}
+
+
 def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path: Path) -> None:
     (tmp_path / "keys").mkdir()
     red = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
