@@ -16,7 +16,8 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.hmi.access_check import AccessCheck
 from onboard.its_g5 import packet
 from onboard.its_g5.infrastructure import decode_map, decode_spat, encode_map, encode_spat
-from onboard.messages import bsm, cam, denm, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.messages import bsm, cam, cpm, denm, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.mvs.cpm_coding import entries_in
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
 from onboard.obd.can_frame import CanFrame
@@ -113,6 +114,14 @@ def _geonetworking(data: bytes) -> None:
     read = packet.decode(content)
     if packet.decode(packet.encode(read)) != read:
         raise AssertionError(f"{read} is not what its encoding decodes to")
+
+
+def _cpm(data: bytes) -> None:
+    """A CPM, down to the evidence in it."""
+    message = cpm.decode(data)
+    if cpm.decode(cpm.encode(message)) != message:
+        raise AssertionError(f"{message} is not what its encoding decodes to")
+    entries_in(message)
 
 
 def _security(data: bytes) -> object:
@@ -262,6 +271,7 @@ TARGETS = {
     "peer_to_peer": Target(decode_ca_certs, (Malformed, Unsupported)),
     "bsm": _codec(bsm.decode, bsm.encode),
     "cam": _codec(cam.decode, cam.encode),
+    "cpm": Target(_cpm, (DecodeError,), max_s_per_kilobyte=2e-2),
     "mapem": _codec(decode_map, partial(encode_map, station_id=b"unit"), 4e-2),
     "spatem": _codec(decode_spat, partial(encode_spat, station_id=b"unit"), 2e-2),
     "denm": _codec(denm.decode, denm.encode),

@@ -5,5 +5,11 @@ from onboard.wave_udp import psid
 LCCA = 0xC000 + 0x20
 """Of LCCA messages, an own choice among the ports that are not registered."""
 
-OF_SERVICES = {psid.CAM: 2001, psid.DENM: 2002, psid.MAPEM: 2003, psid.SPATEM: 2004}
+OF_SERVICES = {
+    psid.CAM: 2001,
+    psid.DENM: 2002,
+    psid.MAPEM: 2003,
+    psid.SPATEM: 2004,
+    psid.CPM: 2009,
+}
 """Those of the standards."""

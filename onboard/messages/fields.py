@@ -547,27 +547,37 @@ class Choice(Field):
 class SequenceOf(Field):
     """SEQUENCE (SIZE (lowest..highest)) OF `item`, as a tuple."""
 
-    def __init__(self, item: Field, lowest: int, highest: int) -> None:
+    def __init__(self, item: Field, lowest: int, highest: int, *, extensible: bool = False) -> None:
         """Declare the field.
 
         Args:
             item: field of each item.
             lowest: least number of items.
             highest: greatest number of items.
+            extensible: whether other numbers of them may be sent.
         """
         self.item = item
         self.count = Integer(lowest, highest)
+        self.extensible = extensible
 
     @override
     def put(self, writer: BitWriter, value: tuple[Any, ...]) -> None:
-        self.count.put(writer, len(value))
+        is_other = not self.count.lowest <= len(value) <= self.count.highest
+        if self.extensible:
+            writer.put(is_other, 1)
+        if self.extensible and is_other:
+            writer.put_length(len(value))
+        else:
+            self.count.put(writer, len(value))
         for item in value:
             self.item.put(writer, item)
 
     @override
     def take(self, reader: BitReader) -> tuple[Any, ...]:
         take = self.item.take
-        return tuple([take(reader) for _ in range(self.count.take(reader))])
+        is_other = self.extensible and reader.take(1)
+        count = reader.length() if is_other else self.count.take(reader)
+        return tuple([take(reader) for _ in range(count)])
 
     @override
     def printed(self, value: tuple[Any, ...]) -> list[Any]:
@@ -602,6 +612,41 @@ class Optional(Field):
     def row(self) -> tuple[str, str, str]:
         unit, meaning, _ = self.field.row()
         return unit, meaning, "left out"
+
+
+class Addition(Field):
+    """A field behind the extension marker, as an open type; `None` leaves it out.
+
+    Others skip it. It stands after all fields of its record that are none.
+    """
+
+    def __init__(self, field: Field, place: int) -> None:
+        """Declare the field.
+
+        Args:
+            field: what the open type holds.
+            place: among the additions, of which the first is 0.
+        """
+        self.field = field
+        self.place = place
+
+    @override
+    def put(self, writer: BitWriter, value: Any) -> None:
+        content = BitWriter()
+        self.field.put(content, value)
+        writer.put_octets(content.finish())
+
+    @override
+    def take(self, reader: BitReader) -> Any:
+        content = BitReader(reader.octets())
+        value = self.field.take(content)
+        if content.left >= 8:
+            raise DecodeError("trailing_bytes", f"{content.left // 8} bytes in an addition")
+        return value
+
+    @override
+    def printed(self, value: Any) -> Any:
+        return None if value is None else self.field.printed(value)
 
 
 class RestOfMessage(Field):

@@ -31,8 +31,8 @@ LATITUDE = Quantity(-900_000_000, 900_000_000, 1e-7, "deg", unavailable=900_000_
 LONGITUDE = Quantity(-1_800_000_000, 1_800_000_000, 1e-7, "deg", unavailable=1_800_000_001)
 HEADING = Angle(3600, unavailable=3601)
 SPEED = Quantity(0, 16382, 0.01, "m/s", unavailable=16383)
-_SPEED_CONFIDENCE = Quantity(1, 126, 0.01, "m/s", unavailable=127)
-_ANGLE_CONFIDENCE = Quantity(1, 126, math.radians(0.1), "rad", unavailable=127)
+SPEED_CONFIDENCE = Quantity(1, 126, 0.01, "m/s", unavailable=127)
+ANGLE_CONFIDENCE = Quantity(1, 126, math.radians(0.1), "rad", unavailable=127)
 _SEMI_AXIS = Quantity(0, 4094, 0.01, "m", unavailable=4095)
 
 
@@ -103,7 +103,7 @@ class ReportedHeading:
     """Direction of motion, clockwise from true north."""
 
     heading_rad: Annotated[float | None, HEADING] = None
-    confidence_rad: Annotated[float | None, _ANGLE_CONFIDENCE] = None
+    confidence_rad: Annotated[float | None, ANGLE_CONFIDENCE] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class ReportedSpeed:
     """Speed."""
 
     speed_m_s: Annotated[float | None, SPEED] = None
-    confidence_m_s: Annotated[float | None, _SPEED_CONFIDENCE] = None
+    confidence_m_s: Annotated[float | None, SPEED_CONFIDENCE] = None
 
 
 MAX_DELTA_DEG = 0.013_107_1

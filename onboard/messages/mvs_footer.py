@@ -29,6 +29,8 @@ from onboard.messages.record import Record
 VERSION = 2
 OBSERVER_BYTES = 4
 """Size of a BSM's temporary ID."""
+MAX_OBSERVERS = 255
+"""In one message: an observer is named by one byte."""
 MAX_AGE_MS = (1 << AGE_BITS) - 1
 MAX_RUN = 1 << COUNT_BITS
 
@@ -63,9 +65,11 @@ _Car = Annotated[int, Unsigned(8)]
 """The sender's own number for the vehicle, the same in all its footers."""
 _Offset = Annotated[float, FixedPoint(18, 0.01, "m", lowest=-131071, highest=131071)]
 _Speed = Annotated[float, FixedPoint(14, 0.02, "m/s", lowest=-8191, highest=8191)]
-_SigmaM = Annotated[float, StandardDeviation("m")]
-_SigmaMS = Annotated[float, StandardDeviation("m/s")]
-_Correlation = Annotated[float, FixedPoint(8, 1 / 128, "", lowest=-127, highest=127)]
+SIGMA_M, SIGMA_M_S = StandardDeviation("m"), StandardDeviation("m/s")
+CORRELATION = FixedPoint(8, 1 / 128, "", lowest=-127, highest=127)
+_SigmaM = Annotated[float, SIGMA_M]
+_SigmaMS = Annotated[float, SIGMA_M_S]
+_Correlation = Annotated[float, CORRELATION]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,18 +18,23 @@ from typing_extensions import override
 
 from onboard.errors import DecodeError
 from onboard.messages.bit_io import BitReader, BitWriter
-from onboard.messages.fields import Field, FixedField, Optional
+from onboard.messages.fields import Addition, Field, FixedField, Optional
 
 RecordT = TypeVar("RecordT")
 
 
 class Record(Field, Generic[RecordT]):
-    """SEQUENCE, as a frozen dataclass. Extension additions are skipped and not kept."""
+    """SEQUENCE, as a frozen dataclass. Extension additions that it does not declare are skipped."""
 
     def __init__(self, record: type[RecordT], *, extensible: bool = False) -> None:
         self.record = record
         self.extensible = extensible
         self.fields = _declared_fields(record)
+        self._additions = {
+            each.place: (name, each)
+            for name, each in self.fields.items()
+            if isinstance(each, Addition)
+        }
         self._optional = [name for name, each in self.fields.items() if isinstance(each, Optional)]
         self._preamble_bits = extensible + len(self._optional)
         self._extended = extensible << len(self._optional)
@@ -83,8 +88,9 @@ class Record(Field, Generic[RecordT]):
 
     @override
     def put(self, writer: BitWriter, value: RecordT) -> None:
+        added = self._added(value) if self._additions else []
         if self.extensible:
-            writer.put(0, 1)
+            writer.put(bool(added), 1)
         for name in self._optional:
             writer.put(getattr(value, name) is not None, 1)
         for step in self._steps:
@@ -99,6 +105,24 @@ class Record(Field, Generic[RecordT]):
                 field.put(writer, content)
             except ValueError as error:
                 raise ValueError(f"{self.record.__name__}.{name}: {error}") from error
+        if added:
+            self._put_additions(writer, value, added)
+
+    def _added(self, value: RecordT) -> list[int]:
+        return [
+            place
+            for place, (name, _) in self._additions.items()
+            if getattr(value, name) is not None
+        ]
+
+    def _put_additions(self, writer: BitWriter, value: RecordT, added: list[int]) -> None:
+        """Append extension additions: their number, which there are, each (X.691, 19.7 to 19.9)."""
+        writer.put_small_number(max(added))
+        for place in range(max(added) + 1):
+            writer.put(place in added, 1)
+        for place in sorted(added):
+            name, field = self._additions[place]
+            field.put(writer, getattr(value, name))
 
     @override
     def take(self, reader: BitReader) -> RecordT:
@@ -111,8 +135,23 @@ class Record(Field, Generic[RecordT]):
             _, field, presence = step
             values.append(None if presence & ~present else field.take(reader))
         if present & self._extended:
-            _skip_additions(reader)
+            return self.record(*values, **self._take_additions(reader))
         return self.record(*values)
+
+    def _take_additions(self, reader: BitReader) -> dict[str, Any]:
+        """Return the declared extension additions that there are, by name, and skip the others."""
+        count = reader.length() if reader.take(1) else reader.take(6) + 1
+        present = reader.take(count)
+        additions = {}
+        for place in range(count):
+            if not present >> (count - 1 - place) & 1:
+                continue
+            if place in self._additions:
+                name, field = self._additions[place]
+                additions[name] = field.take(reader)
+            else:
+                reader.octets()
+        return additions
 
     def as_dict(self, value: RecordT) -> dict[str, Any]:
         """Return `value` as it stands in a trace line, whatever its codes."""
@@ -153,6 +192,8 @@ class Record(Field, Generic[RecordT]):
         steps: list[_Run | tuple[str, Field, int]] = []
         run: dict[str, FixedField] = {}
         for name, field in self.fields.items():
+            if isinstance(field, Addition):
+                continue
             if field.fixed is not None:
                 run[name] = field.fixed
                 continue
@@ -224,14 +265,3 @@ def _declared_fields(record: type[Any]) -> dict[str, Field]:
         for field in fields(record)
         if get_origin(hints[field.name]) is Annotated
     }
-
-
-def _skip_additions(reader: BitReader) -> None:
-    """Skip extension additions: how many there may be, which there are, each as an open type.
-
-    Source: X.691, 19.7 to 19.9.
-    """
-    count = reader.length() if reader.take(1) else reader.take(6) + 1
-    present = reader.take(count)
-    for _ in range(present.bit_count()):
-        reader.octets()

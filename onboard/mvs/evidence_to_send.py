@@ -1,6 +1,6 @@
-"""Which evidence of its tracks a vehicle broadcasts, in footers and in SDSMs."""
+"""Which evidence of its tracks a vehicle broadcasts, in footers, in CPMs and in SDSMs."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -60,7 +60,29 @@ class EvidenceToSend:
             now_ms: the time.
             own_ids: under which own measurements are known.
         """
-        both = [(track, self._candidate(track, now_ms, own_ids)) for track in tracks]
+        since_ms, self._selected_ms = self._selected_ms, now_ms
+        return self._select(tracks, now_ms, own_ids, lambda _: since_ms)
+
+    def of_cpm(
+        self, tracks: Sequence[Track], now_ms: int, own_ids: Collection[bytes]
+    ) -> list[tuple[Track, Evidence]]:
+        """Select what the CPM has: of each vehicle that is due what came since its last one.
+
+        Arguments as of `of_footer`.
+        """
+        due = [track for track in tracks if self.sent[track].is_due(track.estimate, now_ms)]
+        return self._select(due, now_ms, own_ids, lambda track: self.sent[track].footer_ms)
+
+    def _select(
+        self,
+        tracks: Sequence[Track],
+        now_ms: int,
+        own_ids: Collection[bytes],
+        since_ms: Callable[[Track], int],
+    ) -> list[tuple[Track, Evidence]]:
+        both = [
+            (track, self._candidate(track, now_ms, own_ids, since_ms(track))) for track in tracks
+        ]
         known = [(track, candidate) for track, candidate in both if candidate is not None]
         selected = SELECTIONS[self._settings.selection](
             [candidate for _, candidate in known],
@@ -68,7 +90,6 @@ class EvidenceToSend:
             self._estimate,
             self._rng,
         )
-        self._selected_ms = now_ms
         return [(known[at][0], piece) for at, piece in selected]
 
     def of_sdsm(
@@ -87,7 +108,9 @@ class EvidenceToSend:
             self.sent[track].sdsm_ms = newest.stamp_ms
         return measured
 
-    def _candidate(self, track: Track, now_ms: int, own_ids: Collection[bytes]) -> Candidate | None:
+    def _candidate(
+        self, track: Track, now_ms: int, own_ids: Collection[bytes], since_ms: int
+    ) -> Candidate | None:
         """Return what Algorithm 1 gets of a vehicle: the MEs of the window that may be sent.
 
         The paper's window is the interval of the broadcasts, so it begins with the last one: what
@@ -95,9 +118,7 @@ class EvidenceToSend:
         measurement that was not sent before is left out: old measurements make an estimate old.
         """
         sent = self.sent[track]
-        received = [
-            each for each in track.evidence.values() if each.received_ms >= self._selected_ms
-        ]
+        received = [each for each in track.evidence.values() if each.received_ms >= since_ms]
         unsent = [
             each
             for each in received

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from onboard.kinematics.arrays import Array, StateArrays
+from onboard.kinematics.arrays import Array
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
 from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
     MAX_AGE_MS,
+    MAX_OBSERVERS,
     MAX_RUN,
     MvsFooter,
     ObserverRun,
@@ -26,12 +27,9 @@ from onboard.tracking.evidence import (
     Measurement,
     MeasurementId,
     Provenance,
-    ProvenanceSpans,
     measurement_id,
 )
 
-MAX_OBSERVERS = 255
-"""In one footer: an observer is named by one byte."""
 _NUMBERS = 256
 """Numbers of vehicles on the air."""
 
@@ -83,7 +81,7 @@ def footer_of(
                 )
             )
         else:
-            runs = _runs(piece.provenance, reference_ms, observers)
+            runs = runs_of(piece.provenance, reference_ms, observers)
             numbers: list[Any] = [*piece.state.tolist(), *sigmas, *correlations, len(runs)]
             estimates.append(SharedEstimate(SharedState(number % _NUMBERS, *numbers), runs))
     return MvsFooter(
@@ -125,19 +123,12 @@ def read(data: bytes) -> SharedEntries:
     states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
     covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
     covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
-    spans = ProvenanceSpans.of(provenances)
-    return SharedEntries(
+    return SharedEntries.of(
         LocalFrame(header.latitude_deg, header.longitude_deg),
-        tuple(map(int, numbers + stated[:, 0].tolist())),
-        tuple(provenances),
-        frozenset(observers),
-        spans,
-        StateArrays(
-            spans.newest_ms,
-            states.T,
-            covariances.transpose(1, 2, 0),
-            np.repeat([0.0, 1.0], [n, total - n]),
-        ),
+        list(map(int, numbers + stated[:, 0].tolist())),
+        provenances,
+        observers,
+        (states, covariances, np.repeat([0.0, 1.0], [n, total - n])),
     )
 
 
@@ -174,9 +165,16 @@ def encode_within(
         fitting.pop()
 
 
-def _runs(
+def runs_of(
     provenance: Iterable[MeasurementId], reference_ms: int, observers: dict[bytes, int]
 ) -> tuple[ObserverRun, ...]:
+    """Return a provenance by observers, which are added to the table of them.
+
+    Args:
+        provenance: of an estimate.
+        reference_ms: UTC from which ages count back.
+        observers: index of each in the table.
+    """
     ages_of: dict[bytes, list[int]] = defaultdict(list)
     for observer, stamp_ms in sorted(provenance):
         ages_of[observer].append(reference_ms - stamp_ms)

@@ -5,7 +5,9 @@ Without a position there is no MVS: nothing is measured, used or sent.
 
 import math
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -16,9 +18,12 @@ from onboard.errors import DecodeError
 from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
 from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
+from onboard.mvs import cpm_coding, sdsm_coding
+from onboard.mvs.cpm_coding import SharedObject
 from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_coding import encode_within, read
 from onboard.mvs.footer_validation import MAX_ENTRIES, OwnMeasurements, violations_of_received
@@ -30,7 +35,7 @@ from onboard.mvs.remote_vehicles import (
     as_perceived_objects,
     as_state_arrays,
 )
-from onboard.mvs.sdsm_coding import MeasuredObject, Sender, entries_in, message_of
+from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Discarded, Position, VehicleDetection
 from onboard.tracking.evidence import Measurement, MeasurementId, ProvenanceSpans, as_arrays
@@ -88,7 +93,7 @@ class MultiVehicleSensing(Core):
         """Not yet assigned: the footers since the last update are assigned together."""
         self._remote_vehicles = RemoteVehicles()
         self._road_side_units = RemoteVehicles()
-        """Senders of SDSMs that send no BSMs."""
+        """Senders of SDSMs or CPMs that send no BSMs or CAMs."""
         self._sdsms = 0
         """Sent under the present ID."""
         self._tracks = Tracks(tracking)
@@ -186,17 +191,34 @@ class MultiVehicleSensing(Core):
 
     def receive_sdsm(self, message: SensorDataSharingMessage, now: float) -> None:
         """Take an SDSM of a remote vehicle, or of a road-side unit, which need not send BSMs."""
-        sender_id = message.source_id
+        is_unit = message.equipment is EquipmentType.RSU
+        read_entries = partial(sdsm_coding.entries_in, message, self._utc_ms(now))
+        self._receive_shared(message.source_id, read_entries, now, is_unit=is_unit)
+
+    def receive_cpm(self, message: CollectivePerceptionMessage, now: float) -> None:
+        """Take a CPM, as `receive_sdsm`."""
+        read_entries = partial(cpm_coding.entries_in, message)
+        is_unit = message.is_road_side_unit
+        self._receive_shared(message.station_id, read_entries, now, is_unit=is_unit)
+
+    def _receive_shared(
+        self,
+        sender_id: bytes,
+        read_entries: Callable[[], SharedEntries],
+        now: float,
+        *,
+        is_unit: bool,
+    ) -> None:
         if sender_id in self._own_ids:
             return self._discard(now, "own_message", sender_id.hex())
         if not self.has_position(now):
             return None
         try:
-            entries = entries_in(message, self._utc_ms(now))
+            entries = read_entries()
         except DecodeError as error:
             return self._discard(now, error.reason, error.detail)
         senders = self._remote_vehicles
-        if message.equipment is EquipmentType.RSU and sender_id not in senders:
+        if is_unit and sender_id not in senders:
             senders = self._road_side_units
             refused = senders.receive_state(
                 sender_id,
@@ -246,7 +268,7 @@ class MultiVehicleSensing(Core):
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         anchor = LocalFrame(*self._host.anchor)
         data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.max_bytes)
-        self._evidence_to_send.sent.receive_footer(fitting, tracks, now_ms)
+        self._evidence_to_send.sent.receive_sent(fitting, tracks, now_ms)
         return data
 
     def sdsm_to_send(self, now: float) -> SensorDataSharingMessage | None:
@@ -263,22 +285,51 @@ class MultiVehicleSensing(Core):
         if not measured:
             return None
         objects = [
-            MeasuredObject(
-                self._wire_number(track),
-                newest,
-                track.estimate.state[2:],
-                math.sqrt(float(np.trace(track.estimate.covariance[2:, 2:])) / 2.0),
-            )
+            MeasuredObject(self._wire_number(track), newest, *_velocity(track))
             for track, newest in measured
         ]
         frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
-        sigma_m = math.sqrt(float(self._own_state().covariance[0, 0]))
-        sender = Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m)
         # The count begins anew with each pseudonym, at a number that only the pseudonym gives.
         msg_cnt = (self.own_id[0] + self._sdsms) % MESSAGE_COUNTS
         self._sdsms += 1
-        return message_of(objects, sender, now_ms, frame, msg_cnt)
+        return message_of(objects, self._sender(), now_ms, frame, msg_cnt)
+
+    def cpm_to_send(self, now: float) -> CollectivePerceptionMessage | None:
+        """Update, and return the CPM at `now`; `None` without a vehicle that is due.
+
+        What a footer would have of a vehicle since its last CPM is evidence behind an object.
+        """
+        self.update(now)
+        if not self.has_position(now):
+            return None
+        now_ms, tracks = self._utc_ms(now), self.reported_tracks()
+        selected = self._evidence_to_send.of_cpm(tracks, now_ms, self._own_ids)
+        if not selected:
+            return None
+        objects = [
+            SharedObject(
+                self._wire_number(track),
+                piece,
+                *_velocity(track),
+                is_sensed=any(observer in self._own_ids for observer, _ in piece.provenance),
+            )
+            for track, piece in selected
+        ]
+        frame, heading = self._host.frame, self.heading(now)
+        assert frame is not None  # noqa: S101 (a position comes with a frame)
+        heading_rad = None if heading is None else heading.heading_rad
+        sender = replace(self._sender(), heading_rad=heading_rad)
+        message, fitting = cpm_coding.encode_within(
+            objects,
+            sender,
+            now_ms,
+            frame,
+            self._settings.max_bytes,
+        )
+        entries = [(each.number, each.piece) for each in fitting]
+        self._evidence_to_send.sent.receive_sent(entries, tracks, now_ms)
+        return message if fitting else None
 
     def kinematic_info(self, now: float) -> list[PerceivedObject]:
         """Return all objects but the host vehicle by the last update, predicted to `now`."""
@@ -449,8 +500,12 @@ class MultiVehicleSensing(Core):
 
     # ---- common ---------------------------------------------------------------------------
 
+    def _sender(self) -> Sender:
+        sigma_m = math.sqrt(float(self._own_state().covariance[0, 0]))
+        return Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m)
+
     def _wire_number(self, track: Track) -> int:
-        """Return the number of a track on the air, the same in footers and SDSMs."""
+        """Return the number of a track on the air, the same in all messages."""
         return self._evidence_to_send.sent.wire_number(track, self._tracks)
 
     def _own_state(self) -> ReportedState:
@@ -463,6 +518,12 @@ class MultiVehicleSensing(Core):
 
     def _discard(self, now: float, reason: str, detail: str) -> None:
         self._events.append(Discarded(now, "mvs", reason, detail))
+
+
+def _velocity(track: Track) -> tuple[Array, float]:
+    """Return the velocity of a track (2), and its sigma on either axis."""
+    sigma_m_s = math.sqrt(float(np.trace(track.estimate.covariance[2:, 2:])) / 2.0)
+    return track.estimate.state[2:], sigma_m_s
 
 
 def _without_radio(tracks: Tracks) -> list[Track]:

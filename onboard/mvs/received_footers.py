@@ -1,7 +1,8 @@
 """Entries of received footers: of one footer in its sender's frame, of many in the host's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -27,6 +28,35 @@ class SharedEntries:
 
     def __len__(self) -> int:
         return len(self.numbers)
+
+    @classmethod
+    def of(
+        cls,
+        anchor: LocalFrame,
+        numbers: Sequence[int],
+        provenances: Sequence[Provenance],
+        observers: Iterable[bytes],
+        entries: tuple[Array, Array, Array],
+    ) -> Self:
+        """Return N entries.
+
+        Args:
+            anchor: their frame.
+            numbers: (N) the sender's.
+            provenances: (N).
+            observers: of the measurements in them.
+            entries: states (N, 4), covariances (N, 4, 4), and 1 for each that has a speed (N).
+        """
+        states, covariances, has_speed = entries
+        spans = ProvenanceSpans.of(provenances)
+        return cls(
+            anchor,
+            tuple(numbers),
+            tuple(provenances),
+            frozenset(observers),
+            spans,
+            StateArrays(spans.newest_ms, states.T, covariances.transpose(1, 2, 0), has_speed),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

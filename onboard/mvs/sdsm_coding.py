@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.errors import DecodeError
-from onboard.kinematics.arrays import Array, StateArrays
+from onboard.kinematics.arrays import Array
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.bsm_core import PositionalAccuracy
 from onboard.messages.date_time import DateTime
@@ -28,7 +28,7 @@ from onboard.messages.sdsm import (
     SensorDataSharingMessage,
 )
 from onboard.mvs.received_footers import SharedEntries
-from onboard.tracking.evidence import Measurement, ProvenanceSpans, measurement_id
+from onboard.tracking.evidence import Measurement, measurement_id
 
 SIGMAS_IN_95_PERCENT = math.sqrt(-2.0 * math.log(0.05))
 """Radius of the circle that holds 95 % of the errors of a position, in sigmas of either axis."""
@@ -50,12 +50,14 @@ class MeasuredObject:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sender:
-    """Who sends an SDSM, and where it is."""
+    """Who sends an SDSM or CPM, and where it is."""
 
     source_id: bytes
     anchor: LocalFrame
     sigma_m: float
     """Of its position, on either axis."""
+    heading_rad: float | None = None
+    """Clockwise from true north."""
 
 
 def message_of(
@@ -129,20 +131,18 @@ def entries_in(message: SensorDataSharingMessage, now_ms: int) -> SharedEntries:
         for each in message.objects
         if each.common.type is ObjectType.VEHICLE and each.common.confidence.position_m is not None
     ]
-    states, covariances = np.zeros((4, len(placed))), np.zeros((4, 4, len(placed)))
+    n = len(placed)
+    states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
     for at, (common, sigma_m) in enumerate(placed):
-        states[:2, at] = common.offset.east_m, common.offset.north_m
-        covariances[0, 0, at] = covariances[1, 1, at] = sigma_m**2
-    provenances = tuple(
-        frozenset((measurement_id(message.source_id, stamp_ms + common.measurement_time_ms),))
-        for common, _ in placed
-    )
-    spans = ProvenanceSpans.of(provenances)
-    return SharedEntries(
+        states[at, :2] = common.offset.east_m, common.offset.north_m
+        covariances[at, :2, :2] = sigma_m**2 * np.eye(2)
+    return SharedEntries.of(
         LocalFrame(latitude_deg, longitude_deg),
-        tuple(common.object_id for common, _ in placed),
-        provenances,
-        frozenset((message.source_id,)),
-        spans,
-        StateArrays(spans.newest_ms, states, covariances, np.zeros(len(placed))),
+        [common.object_id for common, _ in placed],
+        [
+            frozenset((measurement_id(message.source_id, stamp_ms + common.measurement_time_ms),))
+            for common, _ in placed
+        ],
+        (message.source_id,),
+        (states, covariances, np.zeros(n)),
     )

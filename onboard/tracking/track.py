@@ -185,8 +185,8 @@ class Track:
         self._has_changed = True
 
     def count_times(self) -> int:
-        """Return the number of different times of its evidence."""
-        return len({stored.stamp_ms for stored in self.stored})
+        """Return the number of different times at which it was measured."""
+        return len({stamp_ms for each in self.stored for _, stamp_ms in each.provenance})
 
     def was_measured_beside(self, other: "Track") -> bool:
         """Whether one observer measured both at one time: then they are two vehicles."""

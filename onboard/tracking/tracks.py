@@ -45,7 +45,7 @@ MAX_TRACKS = 256
 MAX_TRACKS_PER_SENDER = 64
 """Tracks that one sender may start; also the number reserved for own sensors."""
 CONFIRMATIONS = 3
-"""Different times of evidence after which a track is confirmed."""
+"""Different times of measurements after which a track is confirmed."""
 SETTLED_MS = 600
 """Evidence older than this is chosen for good: older than any that is shared (`SHARED_SPAN_S` in
 `mvs`), so that evidence that still arrives has little in common with it."""

@@ -127,7 +127,7 @@ class CarConfig(Settings):
     def psids(self) -> frozenset[int]:
         """Services in which it sends."""
         if self.radio_profile is RadioProfile.ITS_G5:
-            return frozenset({self.lcca_psid, psid.CAM, psid.DENM})
+            return frozenset({self.lcca_psid, psid.CAM, psid.DENM, psid.CPM})
         shares_in_sdsm = self.mvs.shared_in is not SharedIn.FOOTER
         return frozenset({self.lcca_psid, psid.BSM}) | (
             {psid.SENSOR_SHARING} if shares_in_sdsm else set()
@@ -144,6 +144,18 @@ class CarConfig(Settings):
         if lcca_psid in psid.J2735:
             raise ValueError(f"0x{lcca_psid:X} is the PSID of J2735 messages")
         return lcca_psid
+
+    @field_validator("mvs")
+    @classmethod
+    def _shares_in_what_the_profile_has(cls, mvs: MvsSettings, info: ValidationInfo) -> MvsSettings:
+        radio = info.data.get("radio")
+        is_its_g5 = radio is not None and radio.profile is RadioProfile.ITS_G5
+        if is_its_g5 and mvs.shared_in is not SharedIn.FOOTER:
+            raise ValueError(
+                f"shared_in: {mvs.shared_in} is of SAE J3224; with the profile its-g5, CPMs carry"
+                " what is shared: leave it out"
+            )
+        return mvs
 
     @field_validator("brake_request")
     @classmethod

@@ -15,11 +15,12 @@ from onboard.its_g5.awareness import bsm_of, cam_of
 from onboard.its_g5.infrastructure import decode_map, decode_spat
 from onboard.its_g5.notification import EventReports, ReceivedEvents
 from onboard.its_g5.stations import Stations
-from onboard.messages import bsm, cam, denm, map_data, sdsm, spat
+from onboard.messages import bsm, cam, cpm, denm, map_data, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.cam import Cam
+from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.sdsm import SensorDataSharingMessage
-from onboard.vehicle.vehicle import ReceivedMessage
+from onboard.vehicle.vehicle import ReceivedMessage, SharedMessage
 from onboard.wave_udp import psid
 
 
@@ -39,7 +40,7 @@ class MessageSet(Protocol):
     """By service, which discards messages that cannot be decoded."""
 
     def encode(
-        self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
+        self, message: BasicSafetyMessage | SharedMessage, now: float, utc_s: float
     ) -> list[Encoded]:
         """Return what says a message at `now`, which is `utc_s`."""
 
@@ -73,10 +74,12 @@ class J2735Messages(MessageSet):
 
     @override
     def encode(
-        self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
+        self, message: BasicSafetyMessage | SharedMessage, now: float, utc_s: float
     ) -> list[Encoded]:
         if isinstance(message, BasicSafetyMessage):
             return [Encoded(psid.BSM, bsm.encode(message), message.user_priority)]
+        if not isinstance(message, SensorDataSharingMessage):
+            return []
         return [Encoded(psid.SENSOR_SHARING, sdsm.encode(message), message.user_priority)]
 
     @override
@@ -92,11 +95,12 @@ LOW_FREQUENCY_S = 0.5
 
 
 class ItsMessages(MessageSet):
-    """ETSI ITS: the CAM, the DENM for events of vehicles, MAPEM and SPATEM."""
+    """ETSI ITS: the CAM, the DENM for events of vehicles, the CPM, MAPEM and SPATEM."""
 
     components: Mapping[int, str] = {
         psid.CAM: "cam",
         psid.DENM: "denm",
+        psid.CPM: "cpm",
         psid.MAPEM: "mapem",
         psid.SPATEM: "spatem",
     }
@@ -112,8 +116,10 @@ class ItsMessages(MessageSet):
 
     @override
     def encode(
-        self, message: BasicSafetyMessage | SensorDataSharingMessage, now: float, utc_s: float
+        self, message: BasicSafetyMessage | SharedMessage, now: float, utc_s: float
     ) -> list[Encoded]:
+        if isinstance(message, CollectivePerceptionMessage):
+            return [Encoded(psid.CPM, cpm.encode(message), message.user_priority)]
         if not isinstance(message, BasicSafetyMessage):
             return []
         reports = self._reports.messages(message, utc_s)
@@ -138,6 +144,8 @@ class ItsMessages(MessageSet):
             return self._decode_map(data)
         if service == psid.SPATEM:
             return decode_spat(data)
+        if service == psid.CPM:
+            return cpm.decode(data)
         if service == psid.DENM:
             event = self._events.bsm_of(denm.decode(data), signer_id, utc_s)
             return None if event is None else self._stations.completed(event, signer_id, utc_s)

@@ -1,13 +1,18 @@
-"""Shared sensing of one vehicle: its BSMs and SDSMs, and MVS, whose evidence they carry.
+"""Shared sensing of one vehicle: its BSMs, SDSMs or CPMs, and MVS, whose evidence they carry.
 
 Both ways meet here: what the sensors measure goes out, and what others send comes in.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from onboard.bsm_transmission.cpm_schedule import CpmSchedule
 from onboard.bsm_transmission.transmitter import BsmTransmitter, position_in
+from onboard.core import Core
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries
@@ -40,7 +45,7 @@ class SharedSensing:
         utc_offset_s: float,
         tracking: TrackingParameters = DEFAULTS,
         tracks_sensed: bool = False,
-        triggered: bool = False,
+        etsi: bool = False,
     ) -> None:
         """Start without tracks.
 
@@ -53,12 +58,13 @@ class SharedSensing:
             now: time on the clock of the cores in s.
             utc_offset_s: UTC in seconds since 1970 less that time.
             tracking: parameters of the tracker.
-            triggered: see `BsmTransmitter`.
             tracks_sensed: whether what own sensors measure is tracked apart, too.
+            etsi: whether BSMs stand for CAMs, which are triggered, and CPMs carry the evidence.
         """
         self._shared_in = settings.shared_in
+        self._cpms = CpmSchedule(rng, now) if etsi else None
         self._utc_offset_s = utc_offset_s
-        self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host, triggered=triggered)
+        self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host, triggered=etsi)
         self.mvs = MultiVehicleSensing(
             settings,
             pseudonym.temporary_id,
@@ -76,6 +82,8 @@ class SharedSensing:
     def change_pseudonym(self, pseudonym: Pseudonym, now: float) -> None:
         """Send under other identifiers."""
         self.transmitter.change_identity(pseudonym, now)
+        if self._cpms is not None:
+            self._cpms.begin_anew(now)
         self.mvs.set_own_id(pseudonym.temporary_id)
 
     def heading_rad(self, now: float) -> float | None:
@@ -133,11 +141,24 @@ class SharedSensing:
     def bsm(self, now: float) -> BasicSafetyMessage:
         """Return the BSM at `now`, due or not."""
         footer = None
-        if self._shared_in is not SharedIn.SDSM:
+        if self._cpms is None and self._shared_in is not SharedIn.SDSM:
             footer = self.mvs.footer_to_send(now) or None
         utc_s = now + self._utc_offset_s
         return self.transmitter.bsm(footer, now, utc_s, self.heading_rad(now))
 
     def sdsm(self, now: float) -> SensorDataSharingMessage | None:
         """Return the SDSM that goes with the BSM at `now`; `None` if there is nothing to share."""
-        return None if self._shared_in is SharedIn.FOOTER else self.mvs.sdsm_to_send(now)
+        is_carrier = self._cpms is None and self._shared_in is not SharedIn.FOOTER
+        return self.mvs.sdsm_to_send(now) if is_carrier else None
+
+    def cpm(self, now: float) -> CollectivePerceptionMessage | None:
+        """Return the CPM at `now`; `None` if none is due, or there is nothing to share."""
+        is_due = self._cpms is not None and self._cpms.take_due(now)
+        return self.mvs.cpm_to_send(now) if is_due else None
+
+    @property
+    def cores(self) -> Iterator[Core]:
+        """Those that say when something is to be sent."""
+        yield self.transmitter
+        if self._cpms is not None:
+            yield self._cpms

@@ -21,7 +21,6 @@ from onboard.messages import lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.exchanged import MessageSent
 from onboard.messages.lcca import LccaPdu
-from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import (
@@ -47,7 +46,7 @@ from onboard.vehicle.framing import RadioFraming, WaveFraming
 from onboard.vehicle.its_g5_framing import ItsG5Framing
 from onboard.vehicle.lcca_link import LccaLink, RefusalError
 from onboard.vehicle.message_set import ItsMessages, J2735Messages, MessageSet
-from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, Vehicle
+from onboard.vehicle.vehicle import ReceivedMessage, SentMessage, SharedMessage, Vehicle
 from onboard.vehicle.wave_link import WaveLink
 from onboard.wave_udp import psid
 from onboard.wave_udp.settings import RadioProfile
@@ -333,7 +332,7 @@ class Stack:
         yield from starmap(partial(SentWsm, now), self._link.wsms_to_send(now))
 
     def _submit(self, message: SentMessage, now: float) -> None:
-        if not isinstance(message, BasicSafetyMessage | SensorDataSharingMessage):
+        if not isinstance(message, BasicSafetyMessage | SharedMessage):
             self._submit_lcca(message, now)
             return
         for service, data, priority in self._messages.encode(

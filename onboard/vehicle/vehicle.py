@@ -33,6 +33,7 @@ from onboard.lcca.identification import Identification
 from onboard.messages import lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
+from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.exchanged import MessageReceived
 from onboard.messages.lcca import LccaMessage
 from onboard.messages.map_data import MapData
@@ -56,7 +57,8 @@ from onboard.vehicle.shared_sensing import SharedSensing
 from onboard.vehicle.surroundings import Surroundings
 from onboard.wave_udp.settings import RadioProfile
 
-SentMessage = BasicSafetyMessage | SensorDataSharingMessage | LccaMessage
+SharedMessage = SensorDataSharingMessage | CollectivePerceptionMessage
+SentMessage = BasicSafetyMessage | SharedMessage | LccaMessage
 ReceivedMessage = SentMessage | MapData | Spat
 
 
@@ -141,7 +143,7 @@ class Vehicle(Core):
             now=now,
             utc_offset_s=utc_offset_s,
             tracks_sensed=config.brake_request is not None,
-            triggered=config.radio_profile is RadioProfile.ITS_G5,
+            etsi=config.radio_profile is RadioProfile.ITS_G5,
         )
         self._access = (
             AccessAdaptation(driver or DriverModel(DEFAULT_POPULATION), self.host)
@@ -175,7 +177,7 @@ class Vehicle(Core):
         precedes the reports of the cores that it is based on.
         """
         if self._config.beacons:  # without, its timer would stay due: no BSM is ever taken
-            yield self._sharing.transmitter
+            yield from self._sharing.cores
         if self._access is not None:
             yield self._access
         if self._bus is not None:
@@ -314,7 +316,11 @@ class Vehicle(Core):
             case BasicSafetyMessage():
                 self._receive_bsm(message, signer_id, made_at_s, now)
             case SensorDataSharingMessage():
-                self._receive_sdsm(message, signer_id, now)
+                if self._is_id_of("sdsm", message.source_id, signer_id, now):
+                    self._sharing.mvs.receive_sdsm(message, now)
+            case CollectivePerceptionMessage():
+                if self._is_id_of("cpm", message.station_id, signer_id, now):
+                    self._sharing.mvs.receive_cpm(message, now)
             case MapData():
                 self._intersections.receive_map(message, signer_id, now)
             case Spat():
@@ -358,14 +364,14 @@ class Vehicle(Core):
                 sender, core.temporary_id, core.speed_m_s, now
             )
 
-    def _receive_sdsm(
-        self, message: SensorDataSharingMessage, signer_id: bytes | None, now: float
-    ) -> None:
-        source_id = message.source_id
-        if self._misbehaviour.remote_id(signer_id or source_id, source_id) != source_id:
-            self._discard("sdsm", "implausible_identity", source_id, now)
-            return
-        self._sharing.mvs.receive_sdsm(message, now)
+    def _is_id_of(
+        self, component: str, source_id: bytes, signer_id: bytes | None, now: float
+    ) -> bool:
+        """Return whether a temporary ID is its signer's; what shares under another's is dropped."""
+        if self._misbehaviour.remote_id(signer_id or source_id, source_id) == source_id:
+            return True
+        self._discard(component, "implausible_identity", source_id, now)
+        return False
 
     def _discard(self, component: str, reason: str, temporary_id: bytes, now: float) -> None:
         self._events.append(Discarded(now, component, reason, f"from {temporary_id.hex()}"))
@@ -382,10 +388,14 @@ class Vehicle(Core):
         A BSM is composed when it is drawn: fusing what goes with it takes time.
         """
         yield from self.group_messages_to_send(now)
-        if self._config.beacons and self._sharing.transmitter.take_due(now):
+        if not self._config.beacons:
+            return
+        if self._sharing.transmitter.take_due(now):
             yield self._sharing.bsm(now)
             if (shared := self._sharing.sdsm(now)) is not None:
                 yield shared
+        if (perceived := self._sharing.cpm(now)) is not None:
+            yield perceived
 
     # ---- between the cores ----------------------------------------------------------------
 

@@ -20,6 +20,9 @@ SPATEM = 0x89
 MAPEM = 0x8A
 """Road and lane topology of ETSI ITS (TS 102 965): the MAPEM."""
 
+CPM = 0x27F
+"""Collective perception of ETSI ITS (TS 102 965): the CPM."""
+
 AWARENESS = frozenset({BSM, CAM})
 """Services whose messages each vehicle repeats: their certificate is attached now and then."""
 
@@ -57,10 +60,10 @@ OF_ROAD_SIDE_UNITS = frozenset({MAP, SPAT, SENSOR_SHARING})
 OF_VEHICLES = frozenset({BSM, SENSOR_SHARING, LCCA})
 """Services in which vehicles send."""
 
-OF_ITS_ROAD_SIDE_UNITS = frozenset({MAPEM, SPATEM})
+OF_ITS_ROAD_SIDE_UNITS = frozenset({MAPEM, SPATEM, CPM})
 """Those of units with ITS-G5."""
 
-OF_ITS_VEHICLES = frozenset({CAM, DENM, LCCA})
+OF_ITS_VEHICLES = frozenset({CAM, DENM, CPM, LCCA})
 """Those of vehicles with ITS-G5."""
 
 NAMES = {
@@ -81,6 +84,7 @@ NAMES = {
     SENSOR_SHARING: "sensor sharing service",
     0x91: "maneuver coordination service",
     CRL: "certificate revocation list",
+    CPM: "collective perception",
     MAP: "intersection geometry",
     **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),
 }

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages.fields import (
+    Addition,
     Choice,
     Chosen,
     Enumerated,
@@ -39,6 +40,8 @@ def values(  # noqa: C901, PLR0911, PLR0912 (one for each kind)
             return records(field, most)
         case ExtensibleQuantity():
             return numbers(field.root)
+        case Addition():
+            return st.none() | values(field.field, most)
         case Optional():
             if isinstance(field.field, Quantity):
                 return st.none() | numbers(field.field)

@@ -42,7 +42,7 @@ def test_what_was_sent_of_a_track_is_not_sent_again_of_the_one_it_is_merged_into
     first, second = tracks
     number = selection.sent.wire_number(second, tracks)
     piece = next(iter(second.evidence.values())).piece
-    selection.sent.receive_footer([(number, piece)], tracks, 1010)
+    selection.sent.receive_sent([(number, piece)], tracks, 1010)
 
     assert [track for track, _ in selection.of_footer(tracks, 1010, OWN_IDS)] == [first]
     selection.restart()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import sdsm
+from onboard.messages import cpm, sdsm
 from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings, SharedIn
@@ -67,6 +67,7 @@ class Message:
     """On UTC; put on the receiver's clock when delivered."""
     footer: bytes | None
     sdsm: bytes | None = None
+    cpm: bytes | None = None
 
 
 Radio = Callable[[Message, Car, float], list[float]]
@@ -86,6 +87,8 @@ class World:
     radio: Radio = perfect_radio
     settings: MvsSettings = EXACT
     max_measurements: int = MAX_MEASUREMENTS_PER_ESTIMATE
+    by_cpm: bool = False
+    """Whether CPMs carry what is shared, and neither footers nor SDSMs."""
     seed: int = 1
     position_sigma_m: float = 0.3
     range_sigma_m: float = 0.3
@@ -137,11 +140,15 @@ class World:
             if other.name in car.sees:
                 mvs.receive_detection(self.seen(car, state, other, number))
         shared_in, message = self.settings.shared_in, Message(car, fix, None)
+        if self.by_cpm:
+            perceived = mvs.cpm_to_send(now)
+            message.cpm = None if perceived is None else cpm.encode(perceived)
+            return self.broadcast(message)
         if shared_in is not SharedIn.SDSM:
             message.footer = mvs.footer_to_send(now)
         if shared_in is not SharedIn.FOOTER and (shared := mvs.sdsm_to_send(now)) is not None:
             message.sdsm = sdsm.encode(shared)
-        self.broadcast(message)
+        return self.broadcast(message)
 
     def arrival(self, car: Car) -> Position:
         """A car that stands when the world begins has a heading from its drive before."""
@@ -199,6 +206,10 @@ class World:
             if message.sdsm is not None:
                 self.mvs[receiver.name].receive_sdsm(
                     sdsm.decode(message.sdsm), at - receiver.clock_offset_s
+                )
+            if message.cpm is not None:
+                self.mvs[receiver.name].receive_cpm(
+                    cpm.decode(message.cpm), at - receiver.clock_offset_s
                 )
 
     @staticmethod

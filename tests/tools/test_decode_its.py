@@ -1,6 +1,7 @@
 """`onboard decode` of GeoNetworking and ETSI messages: recorded ones, with tshark beside it."""
 
 import base64
+import json
 import struct
 import sys
 from pathlib import Path
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from pycrate_asn1dir.ITS_DENM_3 import DENM_PDU_Descriptions
 from typer.testing import CliRunner
 
+from onboard.messages import cpm
 from onboard.security import ieee1609dot2
 from onboard.tools.cli import app
 from onboard.tools.decode.describe import Form, describe
 from onboard.wave_udp.capture import LINKTYPE_ETHERNET
 from onboard.wave_udp.wsmp import ETHERTYPE_GEONETWORKING
+from tests.messages.test_cpm import FUSED, MEASURED, with_evidence
 from tests.wave_udp.test_capture import needs_tshark, tshark
 
 COMMON = bytes.fromhex(
@@ -175,6 +178,14 @@ def test_a_capture_of_geonetworking_is_read(tmp_path: Path) -> None:
     assert '"stationID":1}' in result.stdout
 
 
+def test_a_cpm_is_read_with_its_units_and_what_mvs_adds() -> None:
+    data = cpm.encode(with_evidence(MEASURED, FUSED))
+    message = json.loads(json.dumps(describe(data, Form.ITS)))["its"]["cpm"]
+    car, _ = message["perceived"]["objects"]
+    assert car["position"]["east"] == {"value_m": -12.34, "confidence_m": 0.5}
+    assert message["perceived"]["evidence"]["observers"] == ["61616161", "62626262"]
+
+
 @given(st.integers(0, len(COMMON) + 3), st.integers(0, 7), st.integers(0, len(COMMON) + 3))
 def test_damaged_packets_have_an_error_and_no_traceback(size: int, bit: int, at: int) -> None:
     packet = bytearray(BASIC + COMMON)
@@ -186,7 +197,7 @@ def test_damaged_packets_have_an_error_and_no_traceback(size: int, bit: int, at:
 @pytest.mark.parametrize(
     ("data", "form", "detail"),
     [
-        (b"\x02\x0e" + bytes(8), Form.ITS, "14 (cpm)"),
+        (b"\x02\x0d" + bytes(8), Form.ITS, "13 (rtcmem)"),
         (b"\x02\x63" + bytes(8), Form.ITS, "99 (unknown)"),
         (bytes.fromhex("001f0412345678"), Form.AUTO, "message 31 (travelerInformation)"),
         (bytes.fromhex("00200412345678"), Form.AUTO, "message 32 (personalSafetyMessage)"),

@@ -11,9 +11,18 @@ import pytest
 from onboard.its_g5 import packet, ports
 from onboard.its_g5.awareness import cam_of
 from onboard.its_g5.headers import Area, LongPositionVector
+from onboard.its_g5.its_timestamp import timestamp_ms
 from onboard.its_g5.notification import EventReports
 from onboard.messages import bsm as bsm_codec
-from onboard.messages import cam, denm
+from onboard.messages import cam, cpm, denm
+from onboard.messages.cpm import (
+    CollectivePerceptionMessage,
+    ManagementContainer,
+    Orientation,
+    PerceivedObjectContainer,
+)
+from onboard.messages.cpm_object import Coordinate, CpmObject, ObjectPosition
+from onboard.messages.its_common import ReferencePosition
 from onboard.observations import HardBrake, Position, Sensor
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
@@ -32,6 +41,7 @@ from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.its_g5.test_awareness import SENT
 from tests.its_g5.test_notification import bsm
+from tests.messages.test_cpm import SENT as PERCEIVED
 from tests.vehicle.platoon import SPEED_M_S, Platoon
 from tests.wave_udp.test_capture import needs_tshark, tshark
 
@@ -215,6 +225,49 @@ def test_who_sends_bsms_too_is_counted_once() -> None:
     assert [each.name for each in others] == [SENT.core.temporary_id.hex()]
 
 
+def test_a_cpm_about_who_sends_cams_adds_nobody_and_one_about_others_does() -> None:
+    vehicle = its_car("AAA1")
+    for tenth in range(1, 20):
+        now = 0.1 * tenth
+        utc_s = UTC_S + now
+        core = replace(SENT.core, sec_mark_s=round(utc_s * 1e3) % 60_000 / 1e3)
+        message = cam.encode(cam_of(replace(SENT, core=core), utc_s, low_frequency=True))
+        place = ReferencePosition(SENT.core.latitude_deg, SENT.core.longitude_deg)
+        seen = [
+            CpmObject(number, 0, ObjectPosition(*[Coordinate(at_m, 0.5)] * 2))
+            for number, at_m in enumerate((0.0, 30.0))
+        ]
+        perceived = CollectivePerceptionMessage(
+            SENT.core.temporary_id,
+            ManagementContainer(timestamp_ms(utc_s), place),
+            Orientation(),
+            is_road_side_unit=False,
+            perceived=PerceivedObjectContainer(2, tuple(seen)),
+        )
+        fix = Position(now, 25.0331, 121.5654, None, 0.5, 10.0, 0.0)
+        frames = framed(message), framed(cpm.encode(perceived), ports.OF_SERVICES[psid.CPM])
+        vehicle.step((fix, *[ReceivedWsm(now, each) for each in frames]), now)
+    _, others = vehicle.surroundings
+    assert sorted(each.source.value for each in others) == ["bsm", "shared"]
+
+
+def test_bad_cpms_are_counted_each_with_its_reason() -> None:
+    good = cpm.encode(PERCEIVED)
+    assert receives(framed(good[:30], 2009)) == [("cpm", "too_short")]
+    assert receives(framed(good[:1] + b"\2" + good[2:], 2009)) == [("cpm", "not_a_cpm")]
+    assert receives(framed(good, 2009)) == [("mvs", "unplaced_sender")]
+
+
+def test_what_is_shared_in_sdsms_is_not_with_its_g5() -> None:
+    tree = {
+        "car": {"plate": "AAA1"},
+        "radio": {"endpoint": "raw", "interface": "air", "profile": "its-g5"},
+        "mvs": {"shared_in": "sdsm"},
+    }
+    with pytest.raises(SettingsError, match="shared_in: sdsm is of SAE J3224"):
+        parse_settings(tree, CarConfig, "AAA1")
+
+
 def test_a_unit_that_needs_a_psid_has_no_its_g5() -> None:
     with pytest.raises(SettingsError, match="profile"):
         its_car("AAA1", endpoint="rsu41")
@@ -222,7 +275,8 @@ def test_a_unit_that_needs_a_psid_has_no_its_g5() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "name", ["fig4", "red-light", "platoon", "signal-passed-at-red", "stop-at-line"]
+    "name",
+    ["shared-detection", "fig4", "red-light", "platoon", "signal-passed-at-red", "stop-at-line"],
 )
 def test_scenarios_meet_their_expectations_with_its_g5(name: str) -> None:
     scenario = load_scenario(name, RadioProfile.ITS_G5).model_copy(update={"signed": True})

@@ -1,4 +1,4 @@
-"""Messages of ETSI ITS and of ISO/TS 19091 in unaligned PER, by pycrate.
+"""Messages of ETSI ITS and of ISO/TS 19091 in unaligned PER, by pycrate; CPMs by the own codec.
 
 The extra `its` installs pycrate. Values have the names and units of the ASN.1 modules.
 """
@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from onboard.errors import DecodeError
+from onboard.messages import cpm
 
 _PDUS = {
     1: ("denm", "ITS_DENM_3", "DENM_PDU_Descriptions", "DENM"),
@@ -20,7 +21,7 @@ _PDUS = {
     16: ("vam", "ITS_VAM_3", "VAM_PDU_Descriptions", "VAM"),
 }
 """Name, module of pycrate, ASN.1 module and type by the messageID of the ItsPduHeader."""
-_NAMES = {3: "poi", 7: "ev_rsr", 8: "tistpgtransaction", 13: "rtcmem", 14: "cpm", 15: "imzm"}
+_NAMES = {3: "poi", 7: "ev_rsr", 8: "tistpgtransaction", 13: "rtcmem", 15: "imzm"}
 """Messages without a module in pycrate (TS 102 894-2, MessageId)."""
 _DSRC = {
     28: ("rtcm_corrections", "RTCMcorrections"),
@@ -34,11 +35,14 @@ def read_pdu(data: bytes) -> dict[str, Any]:
     """Read a message that begins with an ItsPduHeader.
 
     Raises:
-        DecodeError: `too_short`, `unknown_message`, `extra_missing` or `bad_encoding`.
+        DecodeError: `too_short`, `unknown_message`, `extra_missing` or `bad_encoding`; of CPMs
+            those of `cpm.decode`.
     """
     if len(data) < 2:
         raise DecodeError("too_short", "ends within the header")
     message_id = data[1]
+    if message_id == cpm.MESSAGE_ID:
+        return {"cpm": cpm.as_dict(cpm.decode(data))}
     if message_id not in _PDUS:
         raise DecodeError("unknown_message", f"{message_id} ({_NAMES.get(message_id, 'unknown')})")
     name, *place = _PDUS[message_id]

@@ -11,14 +11,16 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import sdsm
+from onboard.messages import cpm, sdsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.misbehaviour.signer_credibility import SignerIgnored
+from onboard.mvs import cpm_coding
+from onboard.mvs.cpm_coding import SharedObject
 from onboard.mvs.footer_coding import encode_within
 from onboard.mvs.sdsm_coding import MeasuredObject, message_of
-from onboard.mvs.sdsm_coding import Sender as SdsmSender
+from onboard.mvs.sdsm_coding import Sender as SharingSender
 from onboard.observations import (
     DetectionList,
     Lead,
@@ -165,12 +167,26 @@ class Signer:
         self._sent += 1
         message = message_of(
             [MeasuredObject(number, measured, np.zeros(2), 1.0)],
-            SdsmSender(self.temporary_id, here, PLACE_SIGMA_M),
+            SharingSender(self.temporary_id, here, PLACE_SIGMA_M),
             now_ms,
             here,
             self._sent % 128,
         )
         return self.signed(sdsm.encode(message), psid.SENSOR_SHARING, now)
+
+    def cpm_at(self, number: int, place_m: Place, now: float, *, evidence: bool) -> bytes:
+        """Return a signed CPM in a packet, as `sdsm_at`; `evidence`: with what MVS adds."""
+        now_ms = round((self._utc_s + now) * 1000)
+        here = LocalFrame(*placed(*place_m))
+        measured = Measurement(
+            MeasurementId(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
+        )
+        each = SharedObject(number, measured, np.zeros(2), 1.0, is_sensed=True)
+        sender = SharingSender(self.temporary_id, here, PLACE_SIGMA_M)
+        message, _ = cpm_coding.encode_within([each], sender, now_ms, here, FOOTER_BYTES)
+        if not evidence:
+            message = replace(message, perceived=replace(message.perceived, evidence=None))
+        return self.signed(cpm.encode(message), psid.CPM, now)
 
     def signed(self, payload: bytes, service: int, now: float) -> bytes:
         """Return a payload signed, in a frame."""

@@ -112,6 +112,7 @@ class AttackKind(StrEnum):
     BRAKE_FOOTER = "brake requests by footers about what a detector sees"
     CERTIFICATES = "certificates that are made up, by outsiders"
     CAM = "crossing vehicle, by CAM"
+    CPM = "crossing vehicle, by CPM"
     DENM = "vehicle ahead that brakes hard, by DENM"
     SPATEM = "red lights for true vehicles, by MAPEM and SPATEM"
 
@@ -256,6 +257,13 @@ def crossing_sdsm(host: AttackedHost, signer: Signer, insider: int, now: float) 
     yield signer.sdsm_at(number % 200, place_m, now)
 
 
+def crossing_cpm(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """The same in CPMs, every other vehicle with what MVS adds."""
+    number, place_m = _crossing(host, insider, now)
+    yield signer.bsm_at((40.0, host.north_m - 60.0), (0.0, SPEED_M_S), now)
+    yield signer.cpm_at(number % 200, place_m, now, evidence=number % 2 == 0)
+
+
 def red_lights(host: AttackedHost, signer: Signer, _insider: int, now: float) -> Iterator[bytes]:
     """Each true vehicle has red where it crosses the host's path."""
     left_s = TRUE_EVERY_S - now % TRUE_EVERY_S
@@ -361,12 +369,13 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.SDSM: crossing_sdsm,
     AttackKind.SIGNALS: red_lights,
     AttackKind.CAM: crossing_bsm,
+    AttackKind.CPM: crossing_cpm,
     AttackKind.DENM: braking_by_denm,
     AttackKind.EARLY_SIGNALS: early_red_lights,
     AttackKind.SPATEM: red_lights,
 }
 """The messages of each attack by BSMs."""
-BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.DENM, AttackKind.SPATEM})
+BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.CPM, AttackKind.DENM, AttackKind.SPATEM})
 """Attacks in which all radios have ITS-G5."""
 ITS_G5 = {"endpoint": "raw", "interface": "air", "profile": "its-g5"}
 """Radio settings of the host then."""

@@ -113,6 +113,18 @@ def test_a_leader_that_names_a_member_as_its_next_id_takes_no_follower_from_it()
     assert (counts.true_alarms, counts.true_missed) == (2, 0)
 
 
+@pytest.mark.long
+def test_an_insider_alarms_by_cpms_three_times_at_most_and_without_checks_for_ever() -> None:
+    checked, unchecked = (
+        run_host(AttackKind.CPM, (1,), 40.0, insiders=1, checks=checks) for checks in (True, False)
+    )
+
+    assert 1 <= checked.false_alarms <= 3
+    assert checked.ignored == 1
+    assert unchecked.false_alarms > 3
+    assert (checked.true_missed, unchecked.true_missed) == (0, 0)
+
+
 def test_a_red_light_that_a_vehicle_shows_is_none() -> None:
     counts = run_host(AttackKind.SIGNALS, (1,), 20.0, insiders=1, checks=True)
 
