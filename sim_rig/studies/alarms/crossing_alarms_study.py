@@ -202,7 +202,7 @@ def _warned_s(
         now = tick * TICK_S
         state.receive_observation(_obd_speed(meeting, tick, host))
         noise_rad_s = YAW_RATE_SIGMA_RAD_S * rng.standard_normal()
-        state.receive_observation(_yaw_rate(meeting, tick, host, noise_rad_s))
+        state.receive_observation(yaw_rate(meeting, tick, host, noise_rad_s))
         own, other = (
             _perceived_object(
                 meeting, (tick, car), bias_m[car], settings.receivers, is_host=car == host, rng=rng
@@ -231,9 +231,10 @@ def _obd_speed(meeting: Meeting, tick: int, host: int) -> Speed:
     return Speed(tick * TICK_S - SPEED_AGE_S, math.floor(true_m_s / KM_H) * KM_H, KM_H, "obd:7E8")
 
 
-def _yaw_rate(meeting: Meeting, tick: int, host: int, noise_rad_s: float) -> YawRate:
-    """Yaw rate on the host's bus, positive to the right."""
-    before, after = (_before(tick, SPEED_AGE_S + age_s) for age_s in (TICK_S, 0.0))
+def yaw_rate(meeting: Meeting, tick: int, host: int, noise_rad_s: float) -> YawRate:
+    """Return the yaw rate on the host's bus at a tick, positive to the right."""
+    after = _before(tick, SPEED_AGE_S)
+    before = max(after - 1, 0)
     turned_rad = meeting.course_rad[before, host] - meeting.course_rad[after, host]
     stamp_s = tick * TICK_S - SPEED_AGE_S
     return YawRate(stamp_s, float(turned_rad) / TICK_S + noise_rad_s, "can")

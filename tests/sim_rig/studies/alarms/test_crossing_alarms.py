@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_rig.studies.alarms.crossing_alarms_study import ROLES, STUDY, AlarmSettings
+from sim_rig.studies.alarms.crossing_alarms_study import (
+    ROLES,
+    SPEED_AGE_S,
+    STUDY,
+    AlarmSettings,
+    yaw_rate,
+)
 from sim_rig.studies.alarms.crossing_meetings import TICK_S, Meeting, MeetingKind, meetings
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.joerer.traffic import TrafficSettings
@@ -45,6 +51,20 @@ def test_who_pulls_out_has_stood_and_who_turns_left_ends_at_a_right_angle() -> N
     turned = [each for each in some(MeetingKind.LEFT_TURN, 0.0) if each.speed_m_s[-1, 1] > 1.0]
     assert turned
     assert max(each.course_rad[-1, 1] for each in turned) == pytest.approx(math.pi / 2)
+
+
+def test_the_bus_reports_the_yaw_rate_of_the_turn() -> None:
+    """It was twice the true one."""
+    turned = next(
+        each for each in some(MeetingKind.LEFT_TURN, 0.0) if each.course_rad[-1, 1] > 1.5
+    )
+    ticks = np.flatnonzero((turned.course_rad[:, 1] > 0.3) & (turned.course_rad[:, 1] < 1.2))
+    late = round(SPEED_AGE_S / TICK_S)
+    slope_rad_s = np.gradient(turned.course_rad[:, 1], TICK_S)
+
+    for tick in ticks[::5]:
+        reported = yaw_rate(turned, int(tick), 1, noise_rad_s=0.0)
+        assert -reported.yaw_rate_rad_s == pytest.approx(slope_rad_s[tick - late], rel=0.02)
 
 
 @pytest.mark.long
