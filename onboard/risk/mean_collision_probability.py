@@ -10,7 +10,7 @@ points that is exact for polynomials of the fifth degree, so equal states give e
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -31,7 +31,8 @@ STOPPING_M_S2 = 2.5
 taken to drive on. Drivers who stop brake less, and begin sooner."""
 STOPPING_S = 1.7
 """So is another driver who is this close to it by his speed: from low speeds drivers stop gently,
-and what they would need says nothing in time."""
+and what they would need says nothing in time. In a left turn so is the host driver, a reaction time
+sooner."""
 STOPPING_LATE_M_S2 = 3.5
 """The same for a driver who has begun to brake (signals are timed for 10 ft/s^2)."""
 REACTION_S = 1.0
@@ -83,6 +84,14 @@ class DrivenVehicle:
     passes_green: bool = False
     """By its signal."""
 
+    @property
+    def driving_on(self) -> "DrivenVehicle":
+        """The same if its driver does not stop: who brakes as a left turn begins, brakes for the
+        turn, and keeps the speed of the turn in it."""
+        if not self.turns_left or self.acceleration_m_s2 is None:
+            return self
+        return replace(self, acceleration_m_s2=max(self.acceleration_m_s2, 0.0))
+
 
 def mean_collision_probabilities(
     crossings: Sequence[PathCrossing],
@@ -106,16 +115,20 @@ def mean_collision_probabilities(
     known = np.array([each.acceleration_m_s2 is not None for each in others], dtype=bool)
     ahead = _may_meet(crossings, others, own)
     driving_on = ahead & known & _drive_on(crossings, others, own, reaction_s)
-    for chosen, behaviour in (
-        (ahead & known, _behaviour),
-        (ahead & ~known, _behaviour),
-        (driving_on, _behaviour_driving_on),
+    on_others, on_own = [each.driving_on for each in others], own.driving_on
+    for chosen, behaviour, other_drivers, own_driver in (
+        (ahead & known, _behaviour, others, own),
+        (ahead & ~known, _behaviour, others, own),
+        (driving_on, _behaviour_driving_on, on_others, on_own),
     ):
         group = np.flatnonzero(chosen)
         for begin in range(0, len(group), _PAIRS_AT_ONCE // len(_POINTS)):
             some = group[begin : begin + _PAIRS_AT_ONCE // len(_POINTS)]
             mean = _mean(
-                [crossings[at] for at in some], [others[at] for at in some], own, behaviour
+                [crossings[at] for at in some],
+                [other_drivers[at] for at in some],
+                own_driver,
+                behaviour,
             )
             p_c[some] = np.maximum(p_c[some], mean)
     return p_c
@@ -151,7 +164,8 @@ def _drive_on(
     keeps_green = own.passes_green & ~passes_green  # both: no signal parts them
     keeps_on |= np.array([each.passes_red for each in others])
     keeps_on |= passes_green & (not own.passes_green)
-    own_drives_on = keeps_green | _cannot_stop(
+    keeps_turning = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
+    own_drives_on = keeps_turning | keeps_green | _cannot_stop(
         own_m, own_v, own_gaining, own_reactions_s, own_brakes
     )
     other_drives_on = keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes)

@@ -40,6 +40,8 @@ def warnings(
     until_s: float,
     sides: tuple[Side, ...] = (),
     other_lights: ExteriorLights | None = None,
+    *,
+    has_yaw_rate: bool = False,
 ) -> list[Alarm]:
     """Of a host whose turn signals `sides` are on."""
     monitor = RiskMonitor(RiskSettings(), 5.0, 1.75)
@@ -49,6 +51,9 @@ def warnings(
         own, other = mine(now), others(now)
         floor_m_s = math.floor(own[3] / KM_H) * KM_H
         monitor.host.receive_observation(Speed(now, floor_m_s, KM_H, "obd:7E8"))
+        if has_yaw_rate:
+            left_rad_s = (own[2] - mine(now - 0.02)[2]) / 0.02
+            monitor.host.receive_observation(YawRate(now, -left_rad_s, "can"))
         core = CoreData(1, bytes.fromhex(OTHER), heading_rad=NORTH - other[2])
         safety = None if other_lights is None else VehicleSafetyExtensions(lights=other_lights)
         monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
@@ -170,6 +175,35 @@ def test_a_turn_signal_left_on_raises_none(radius_m: float, meets_s: float) -> N
 @pytest.mark.parametrize("sides", [(), ("left",)])
 def test_a_left_turn_with_room_is_not_warned_of(meets_s: float, sides: tuple[Side, ...]) -> None:
     assert warnings(turn_left(2.0), straight(meets_s, beside_m=3.5), 6.0, sides) == []
+
+
+def slow_and_turn_left(begins_s: float, radius_m: float, speed_m_s: float) -> Motion:
+    """As `turn_left`, after braking with 2 m/s^2."""
+    turns = turn_left(begins_s, radius_m, speed_m_s)
+
+    def at(now: float) -> tuple[float, float, float, float]:
+        left_s = max(begins_s - now, 0.0)
+        east_m, north_m, course_rad, _ = turns(max(now, begins_s))
+        before_m = (speed_m_s + left_s) * left_s
+        return east_m - before_m, north_m, course_rad, speed_m_s + 2.0 * left_s
+
+    return at
+
+
+@pytest.mark.parametrize("meets_s", [6.9, 7.2, 7.5])
+def test_who_brakes_for_a_left_turn_does_not_brake_on_in_it(meets_s: float) -> None:
+    """The oncoming vehicle comes 1 s and more after the turn has left its lane."""
+    turning, oncoming = slow_and_turn_left(2.5, 11.0, 5.0), straight(meets_s, 15.0, 3.5)
+
+    assert warnings(turning, oncoming, 6.5, ("left",), has_yaw_rate=True) == []
+
+
+def test_who_turns_left_slowly_is_warned_while_braking_gently_is_still_enough() -> None:
+    """At 10 km/h a driver stops within 2 m. The conflict zone is 6 m, or 2.2 s, ahead."""
+    turning, oncoming = turn_left(1.0, 14.0, 10.0 * KM_H), straight(4.0, 14.0, 3.5)
+
+    (warning,) = warnings(turning, oncoming, 4.0, ("left",), has_yaw_rate=True)
+    assert warning.stamp_s <= 1.3
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.5])
