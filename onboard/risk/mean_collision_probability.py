@@ -86,8 +86,10 @@ class DrivenVehicle:
 
     @property
     def driving_on(self) -> "DrivenVehicle":
-        """The same if its driver does not stop: who brakes as a left turn begins, brakes for the
-        turn, and keeps the speed of the turn in it."""
+        """The same if its driver does not stop.
+
+        Who brakes as a left turn begins, brakes for the turn, and keeps its speed in it.
+        """
         if not self.turns_left or self.acceleration_m_s2 is None:
             return self
         return replace(self, acceleration_m_s2=max(self.acceleration_m_s2, 0.0))
@@ -165,8 +167,10 @@ def _drive_on(
     keeps_on |= np.array([each.passes_red for each in others])
     keeps_on |= passes_green & (not own.passes_green)
     keeps_turning = own.turns_left & ~own_brakes & (own_m <= (reaction_s + STOPPING_S) * own_v)
-    own_drives_on = keeps_turning | keeps_green | _cannot_stop(
-        own_m, own_v, own_gaining, own_reactions_s, own_brakes
+    own_drives_on = (
+        keeps_turning
+        | keeps_green
+        | _cannot_stop(own_m, own_v, own_gaining, own_reactions_s, own_brakes)
     )
     other_drives_on = keeps_on | _cannot_stop(room_m, other_v, gaining, other_reactions_s, brakes)
     both: NDArray[np.bool_] = straight & own_drives_on & other_drives_on

@@ -55,9 +55,7 @@ def test_who_pulls_out_has_stood_and_who_turns_left_ends_at_a_right_angle() -> N
 
 def test_the_bus_reports_the_yaw_rate_of_the_turn() -> None:
     """It was twice the true one."""
-    turned = next(
-        each for each in some(MeetingKind.LEFT_TURN, 0.0) if each.course_rad[-1, 1] > 1.5
-    )
+    turned = next(each for each in some(MeetingKind.LEFT_TURN, 0.0) if each.course_rad[-1, 1] > 1.5)
     ticks = np.flatnonzero((turned.course_rad[:, 1] > 0.3) & (turned.course_rad[:, 1] < 1.2))
     late = round(SPEED_AGE_S / TICK_S)
     slope_rad_s = np.gradient(turned.course_rad[:, 1], TICK_S)
