@@ -28,10 +28,11 @@ sed -e "s|^can:.*|$bus|" -e "s|/etc/onboard/keys|$folder/trial/red|" \
     -e "s|/var/lib/onboard/drive|$folder/drive, pictures_hz: 30, picture_quality: 95|" "$here/car.yaml" > "$folder/car.yaml"
 echo 'seed: 7' >> "$folder/car.yaml"    # a drive that is played has answers to its questions
 
-# The daemon, with the UTC of a file, restarted as by systemd.
+# The daemon, with the UTC of a file, restarted as by systemd, and started while there are wires.
 onboard="$PYTHON -m sim_rig.processes.settable_clock $folder/utc run $folder/car.yaml"
-unshare --net --time --monotonic 1000 sh -c "
-    until $onboard & echo \$! > $folder/daemon; wait \$!; do sleep 1; done; exec sleep 3600
+wires="until : </dev/tcp/192.168.77.1/8090; do sleep 0.5; done 2>/dev/null"
+unshare --net --time --monotonic 1000 bash -c "
+    until $wires; $onboard & echo \$! > $folder/daemon; wait \$!; do sleep 1; done; exec sleep 3600
 " > "$folder/car.log" 2>&1 &
 box=$!
 ip link set lo up
@@ -43,6 +44,8 @@ nsenter --target "$box" --net sh -c '
     ip link set lo up; ip address add 192.168.77.2/24 dev box; ip link set box up
 '
 "$PYTHON" -m sim_rig doctor "$folder/red.yaml" --out "$folder"
+# A recording of the run alone: when a box opens a camera again that was away is a matter of chance.
+kill -KILL "$(cat "$folder/daemon")"
 "$PYTHON" -m sim_rig "$@" --box "$car$folder/red.yaml" --out "$folder"
 [ "$1" != score ] || exit 0
 recording=$folder/$2-$rung/box/red
