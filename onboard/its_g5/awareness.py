@@ -6,6 +6,7 @@ an offset from the point before it, one of a BSM from the vehicle. Signs of what
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 from onboard.its_g5.its_timestamp import nearest_utc_s, timestamp_ms
 from onboard.kinematics.geodesy import point_ahead_deg
@@ -69,6 +70,8 @@ _LIGHTS: Mapping[ExteriorLights, CamLights] = {
     ExteriorLights.FOG_LIGHT: CamLights.FOG_LIGHT,
     ExteriorLights.PARKING_LIGHTS: CamLights.PARKING_LIGHTS,
 }
+_PEDAL = AccelerationControl(0), AccelerationControl.BRAKE_PEDAL
+"""Released, and pressed."""
 _HAZARD = _LIGHTS[ExteriorLights.HAZARD_SIGNAL]
 
 
@@ -82,12 +85,13 @@ def cam_of(bsm: BasicSafetyMessage, utc_s: float, *, low_frequency: bool) -> Cam
     """
     core = bsm.core
     age_s = 0.0 if core.sec_mark_s is None else (utc_s - core.sec_mark_s + 30.0) % 60.0 - 30.0
-    low = Chosen(VEHICLE, _low_frequency(bsm)) if low_frequency else None
+    position = _reference_position(core)
+    low = Chosen(VEHICLE, _low_frequency(bsm, position)) if low_frequency else None
     return Cam(
         core.temporary_id,
         timestamp_ms(utc_s - age_s) % PERIOD_MS / 1e3,
         CamParameters(
-            BasicContainer(PASSENGER_CAR, _reference_position(core)),
+            BasicContainer(PASSENGER_CAR, position),
             Chosen(VEHICLE, _high_frequency(bsm)),
             low,
         ),
@@ -162,7 +166,7 @@ def _reference_position(core: CoreData) -> ReferencePosition:
 def _high_frequency(bsm: BasicSafetyMessage) -> HighFrequency:
     core, safety = bsm.core, bsm.safety
     wheels = core.brakes.wheel_brakes
-    control = None if WheelBrakes.UNAVAILABLE in wheels else AccelerationControl(bool(wheels))
+    control = None if WheelBrakes.UNAVAILABLE in wheels else _PEDAL[bool(wheels)]
     if safety is not None and (safety.events or 0) & VehicleEventFlags.HARD_BRAKING:
         control = AccelerationControl.BRAKE_PEDAL
     lateral_m_s2 = core.acceleration.lateral_m_s2
@@ -179,16 +183,21 @@ def _high_frequency(bsm: BasicSafetyMessage) -> HighFrequency:
     )
 
 
-def _low_frequency(bsm: BasicSafetyMessage) -> LowFrequency:
+def _low_frequency(bsm: BasicSafetyMessage, front: ReferencePosition) -> LowFrequency:
     if bsm.safety is None:
         return LowFrequency()
-    lights = NO_LIGHTS
-    for one, other in _LIGHTS.items():
-        if one in (bsm.safety.lights or ExteriorLights(0)):
-            lights |= other
-    front = _reference_position(bsm.core)
+    lights = NO_LIGHTS if bsm.safety.lights is None else _cam_lights(bsm.safety.lights)
     start = front.latitude_deg or 0.0, front.longitude_deg or 0.0
     return LowFrequency(lights=lights, path=tuple(path_of(bsm, start)))
+
+
+@lru_cache(maxsize=1 << 9)
+def _cam_lights(lights: ExteriorLights) -> CamLights:
+    found = NO_LIGHTS
+    for one, other in _LIGHTS.items():
+        if one in lights:
+            found |= other
+    return found
 
 
 def path_of(bsm: BasicSafetyMessage, start: tuple[float, float]) -> Iterator[PathPoint]:
@@ -261,6 +270,7 @@ def _centre(front: ReferencePosition, high: HighFrequency) -> tuple[float, float
     return point_ahead_deg(*place, heading_rad, -length_m / 2.0)
 
 
+@lru_cache(maxsize=1 << 8)
 def _lights_of(lights: CamLights) -> ExteriorLights | None:
     found = ExteriorLights(0)
     for one, other in _LIGHTS.items():
