@@ -31,8 +31,8 @@ class RadioFraming(Protocol):
     ) -> bytes:
         """Return what is signed of a message that is sent at `now`, which is `utc_s`."""
 
-    def location(self, service: int) -> Location | None:
-        """Return where a message is generated, if its header is to say so."""
+    def location(self, service: int, now: float) -> Location | None:
+        """Return where a message is generated at `now`, if its header is to say so."""
 
     def frame(self, service: int, secured: bytes) -> bytes:
         """Return the frame around 1609.2 data."""
@@ -65,7 +65,7 @@ class WaveFraming(RadioFraming):
         return payload
 
     @override
-    def location(self, service: int) -> Location | None:
+    def location(self, service: int, now: float) -> Location | None:
         return None
 
     @override

@@ -12,6 +12,7 @@ from onboard.its_g5.awareness import ELLIPSE_SIGMAS
 from onboard.its_g5.headers import Area, LongPositionVector, NextHeader
 from onboard.its_g5.its_timestamp import timestamp_ms
 from onboard.its_g5.packet import GeoPacket
+from onboard.kinematics.geodesy import point_ahead_deg
 from onboard.messages import cam
 from onboard.messages.its_common import PASSENGER_CAR
 from onboard.observations import Position
@@ -77,7 +78,7 @@ class ItsG5Framing(RadioFraming):
         if service != psid.DENM or fix is None:
             return packet.encode(GeoPacket(port, payload, source, traffic_class))
         self._sequence = (self._sequence + 1) & 0xFFFF
-        area = Area(fix.latitude_deg, fix.longitude_deg, EVENT_RADIUS_M)
+        area = Area(*_place_at(fix, now), EVENT_RADIUS_M)
         return packet.encode(
             GeoPacket(
                 port, payload, source, traffic_class, EVENT_HOPS, area, CIRCLE, self._sequence
@@ -85,11 +86,11 @@ class ItsG5Framing(RadioFraming):
         )
 
     @override
-    def location(self, service: int) -> Location | None:
+    def location(self, service: int, now: float) -> Location | None:
         fix = self._position()
         if service != psid.DENM or fix is None:
             return None
-        return Location(fix.latitude_deg, fix.longitude_deg, fix.altitude_m or 0.0)
+        return Location(*_place_at(fix, now), fix.altitude_m or 0.0)
 
     @override
     def frame(self, service: int, secured: bytes) -> bytes:
@@ -144,3 +145,11 @@ class ItsG5Framing(RadioFraming):
             fix.speed_m_s or 0.0,
             (fix.course_rad or 0.0) % math.tau,
         )
+
+
+def _place_at(fix: Position, now: float) -> tuple[float, float]:
+    """Return latitude and longitude at `now`: a fix is up to 1.6 s old, some 50 m at 30 m/s."""
+    place = fix.latitude_deg, fix.longitude_deg
+    if fix.speed_m_s is None or fix.course_rad is None:
+        return place
+    return point_ahead_deg(*place, fix.course_rad, fix.speed_m_s * max(now - fix.stamp_s, 0.0))

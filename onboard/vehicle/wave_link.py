@@ -55,7 +55,7 @@ class WaveLink(Core):
         """
         utc_s = self._security.utc_s(now)
         signed_part = self._framing.signed_part(payload, psid, user_priority, now, utc_s)
-        location = self._framing.location(psid)
+        location = self._framing.location(psid, now)
         secured = self._security.secure(signed_part, psid, now, location=location)
         wsm = self._framing.frame(psid, secured)
         self._queue.put(wsm, user_priority, now + lifetime_s, now)

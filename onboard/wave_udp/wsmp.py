@@ -43,8 +43,15 @@ _WSMP_S = 0x81
 
 
 def ethertype_of(frame: bytes) -> int:
-    """Return the EtherType of a frame: GeoNetworking begins with its version, 1, in four bits."""
-    return ETHERTYPE_GEONETWORKING if frame[:1] >= b"\x10" else ETHERTYPE
+    """Return the EtherType of a frame.
+
+    GeoNetworking begins with four bits of its version, which is 0 or 1, four of the next header,
+    which is 0 to 2, and an octet of zeros. The octet 2 also begins a WSM of version 2, in which the
+    next one is of its PSID, and 0 is that of no message.
+    """
+    is_version_0 = frame[:1] in {b"\x00", b"\x01"} or frame[:2] == b"\x02\x00"
+    is_geonetworking = is_version_0 or frame[:1] >= b"\x10"
+    return ETHERTYPE_GEONETWORKING if is_geonetworking else ETHERTYPE
 
 
 @dataclass(frozen=True, slots=True)

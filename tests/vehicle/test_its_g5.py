@@ -31,6 +31,7 @@ from onboard.step import ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
 from onboard.trace.trace_line import as_trace_record
 from onboard.vehicle.config import CarConfig
+from onboard.vehicle.its_g5_framing import ItsG5Framing
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.capture import PcapWriter
@@ -208,6 +209,18 @@ def test_an_event_is_for_who_is_in_its_area_and_brakes_once() -> None:
     assert receives(to(Area(25.0330, 121.5654, 500))) == []
     assert receives(to(Area(25.1330, 121.5654, 500))) == [("geonetworking", "outside_area")]
     assert receives(framed(data[:9], port=2002)) == [("denm", "too_short")]
+
+
+def test_a_denm_is_generated_where_the_vehicle_is_and_not_where_its_last_fix_was() -> None:
+    fix = Position(0.0, 48.0, 11.0, 500.0, 0.5, 30.0, 0.0)
+    framing = ItsG5Framing(psid.LCCA, lambda: fix)
+    place = framing.location(psid.DENM, 1.0)
+    assert place is not None
+    assert (place.latitude_deg - 48.0) * 111_200 == pytest.approx(30.0, abs=0.2)
+    area = packet.decode(framing.signed_part(b"", psid.DENM, 7, 1.0, UTC_S)).area
+    assert area is not None
+    assert area.latitude_deg == pytest.approx(place.latitude_deg, abs=1e-7)
+    assert framing.location(psid.CAM, 1.0) is None
 
 
 def test_who_sends_bsms_too_is_counted_once() -> None:

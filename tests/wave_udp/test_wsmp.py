@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.wave_udp.psid import HIGHEST
-from onboard.wave_udp.wsmp import MAX_DATA_BYTES, Element, WaveShortMessage, decode, encode
+from onboard.wave_udp.wsmp import (
+    MAX_DATA_BYTES,
+    Element,
+    WaveShortMessage,
+    decode,
+    encode,
+    ethertype_of,
+)
 
 PLAIN = WaveShortMessage(psid=0x20, payload=b"\x03\x80\x01\xaa")
 TUNED = WaveShortMessage(
@@ -211,3 +218,10 @@ def test_eighteen_wsms_of_real_units_are_decoded_and_encoded_again(rig_data: Pat
         assert len(wsm.payload) == header["length"]
         assert frame[1] == header["tpid"]
         assert encode(wsm) == frame
+
+
+def test_a_frame_has_the_ethertype_of_its_protocol() -> None:
+    geonetworking = ("11001a01", "12001a01", "01001a01", "02001a01", "00001a01")
+    wsms = ("0300bfa0", "0b010f01", "022001", "0220")
+    assert [ethertype_of(bytes.fromhex(each)) for each in geonetworking] == [0x8947] * 5
+    assert [ethertype_of(bytes.fromhex(each)) for each in wsms] == [0x88DC] * 4
