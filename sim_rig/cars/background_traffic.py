@@ -1,20 +1,24 @@
 """Cars that only send BSMs, so that congestion control (SAE J2945/1) lowers the others' rates.
 
-Each is a `Stack` without sensors. Its BSMs reach all cars at once, whatever the channel model. Its
-stack is called twice a second only: enough to count as a vehicle in range, and cheap to receive.
+Each is a `Stack` without sensors but a GNSS receiver, if a source of traffic drives it. Its BSMs
+reach all cars at once, whatever the channel model. Its stack is called twice a second only: enough
+to count as a vehicle in range, about what SAE J2945/1 grants a hundred, and cheap to receive.
 """
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from onboard.observations import Sensor
 from onboard.security.credentials import Credentials
 from onboard.settings import parse_settings
+from onboard.step import SentWsm
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
-from sim_rig.radio.air import Air, Delivery
+from sim_rig.cars.background_positions import BackgroundPositions
+from sim_rig.radio.air import Air, CarsAt, Delivery
 from sim_rig.scenario.car_config import DIGEST, virtual_radio
 from sim_rig.scenario.schema import Scenario
 
@@ -29,6 +33,9 @@ class BackgroundTraffic:
         self,
         air: Air,
         scenario: Scenario,
+        cars_at: CarsAt,
+        at_s: Callable[[float], float],
+        rng: np.random.Generator,
         *,
         now: float,
         utc_s: float,
@@ -39,11 +46,17 @@ class BackgroundTraffic:
         Args:
             air: the channel between the equipped cars.
             scenario: the scenario of the run.
+            cars_at: states of the scenario's cars, by time since its start, s.
+            at_s: that time at a `now`; 0 before the start.
+            rng: source of the random numbers of a source of traffic.
             now: monotonic time, s.
             utc_s: UTC at `now`, s.
             credentials: by name of the car; cars with credentials sign.
         """
         self._air = air
+        self._at_s = at_s
+        settings = scenario.traffic
+        self._positions = None if settings is None else BackgroundPositions(settings, cars_at, rng)
         self._units = scenario.equipped
         names = background_names(scenario)
         self._cars = {name: _car(scenario, name, now, utc_s, credentials) for name in names}
@@ -69,22 +82,37 @@ class BackgroundTraffic:
         while self._due and self._due[0][0] <= now:
             at_s, name = self._due[0]
             heapq.heapreplace(self._due, (at_s + SEND_INTERVAL_S, name))
-            car = self._cars[name]
-            for wsm in car.step((), now).wsms:
+            for wsm in self._wsms_of(name, now):
                 deliveries += [
                     Delivery(now, 0, name, unit, wsm.user_priority, wsm.data)
                     for unit in self._units
                 ]
         return deliveries
 
+    def _wsms_of(self, name: str, now: float) -> Sequence[SentWsm]:
+        """What a car sends; one that a source of traffic drives is silent while it is not there."""
+        if self._positions is None:
+            return self._cars[name].step((), now).wsms
+        position = self._positions.position(_number(name), self._at_s(now), now)
+        return [] if position is None else self._cars[name].step((position,), now).wsms
+
     def get_timer(self) -> float:
         """Return when the next frame arrives or is sent; `math.inf` when none is planned."""
         return min(self._due[0][0] if self._due else math.inf, self._air.get_timer())
+
+    def close(self) -> None:
+        """End the source of traffic."""
+        if self._positions is not None:
+            self._positions.close()
 
 
 def background_names(scenario: Scenario) -> list[str]:
     """Names of the background cars in traces and certificates."""
     return [f"background{number}" for number in range(scenario.background_traffic)]
+
+
+def _number(name: str) -> int:
+    return int(name.removeprefix("background"))
 
 
 def _car(
@@ -94,7 +122,7 @@ def _car(
     utc_s: float,
     credentials: Mapping[str, Credentials],
 ) -> Stack:
-    number = int(name.removeprefix("background"))
+    number = _number(name)
     tree = {
         "car": {"plate": f"BG{number}"},
         "security": {"plate_digest": DIGEST},
@@ -102,7 +130,7 @@ def _car(
     }
     return Stack(
         parse_settings(tree, CarConfig, name),
-        (),
+        () if scenario.traffic is None else (Sensor.POSITION,),
         np.random.default_rng(number),
         now=now,
         utc_s=utc_s,

@@ -99,3 +99,7 @@ class Traffic(Protocol):
     def cars_at(self, at_s: float) -> Cars:
         """All cars present at `at_s`, s since the start; times are in order."""
         ...
+
+    def close(self) -> None:
+        """Release what it holds; nothing by default."""
+        return

@@ -1,5 +1,6 @@
 """Opens a source of traffic by name: a synthetic road, SUMO, or a trace file."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -7,17 +8,28 @@ import numpy as np
 from onboard.errors import UserError
 from sim_rig.roads.cars import Traffic
 from sim_rig.roads.crossing import HighwaySettings, IntersectionSettings, crossing, highway
+from sim_rig.roads.road import CarState
 from sim_rig.roads.trace_files import read_trace
 
-NAMES = ("crossing", "highway", "sumo-crossing", "sumo-highway")
+NAMES = ("crossing", "highway", "sumo-crossing", "sumo-highway", "sumo-dense-highway")
 
 
 class RoadSourceError(UserError):
     """The named source does not exist."""
 
 
-def open_traffic(source: str, rng: np.random.Generator) -> Traffic:
+def open_traffic(
+    source: str,
+    rng: np.random.Generator,
+    guests: Callable[[float], Mapping[str, CarState]] = lambda _: {},
+) -> Traffic:
     """Open one of `NAMES`, a SUMO simulation (`.sumocfg`), or a trace file.
+
+    Args:
+        source: name or path.
+        rng: source of all random numbers.
+        guests: other cars to which SUMO's drivers react, by time in s; those of other sources do
+            not.
 
     Raises:
         RoadSourceError: the source does not exist.
@@ -33,7 +45,7 @@ def open_traffic(source: str, rng: np.random.Generator) -> Traffic:
 
         name = source.removeprefix("sumo-")
         path = NETWORKS / f"{name}.sumocfg" if source in NAMES else Path(source)
-        return SumoTraffic(path, int(rng.integers(2**31)))
+        return SumoTraffic(path, int(rng.integers(2**31)), guests)
     if Path(source).is_file():
         return read_trace(Path(source))
     names = ", ".join(NAMES)

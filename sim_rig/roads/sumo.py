@@ -7,6 +7,7 @@ nets. Other simulations are given by the `.sumocfg` of their network and routes.
 import gzip
 import math
 import threading
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
@@ -16,6 +17,7 @@ from typing_extensions import override
 
 from onboard.errors import UserError
 from sim_rig.roads.cars import Cars, Traffic
+from sim_rig.roads.road import CarState
 
 try:
     import libsumo
@@ -36,6 +38,13 @@ _OPTIONS = (
 )  # fmt: skip
 
 
+Guests = Callable[[float], Mapping[str, CarState]]
+"""States at a time, s since the start, of cars that SUMO does not drive; empty before they come."""
+MAKE_ROOM_M = 30.0
+"""Within this distance of where a guest comes, SUMO's cars are taken off the road."""
+_GUEST_ROUTE, _FREELY = "", 2  # without a route; `keepRoute` of `moveToXY`: to any place
+
+
 _SIMULATION = threading.RLock()
 """Held from the start of a simulation to its end: libsumo has one for all threads of a process."""
 
@@ -45,16 +54,22 @@ class SumoError(UserError):
 
 
 class SumoTraffic(Traffic):
-    """Steps one simulation; `seed` is the seed of SUMO's random numbers."""
+    """Steps one simulation, whose drivers react to its guests."""
 
-    def __init__(self, config: Path, seed: int) -> None:
+    def __init__(self, config: Path, seed: int, guests: Guests = lambda _: {}) -> None:
         """Load the simulation, when those of other threads have ended.
+
+        Args:
+            config: the `.sumocfg`.
+            seed: of SUMO's random numbers.
+            guests: cars that SUMO does not drive; none by default.
 
         Raises:
             SumoError: it cannot be loaded, its routes do not match its network, or this thread
                 already runs a simulation.
         """
         self._config, self._step = config, 0
+        self._guests, self._present = guests, set[str]()
         _check_network(config)
         _SIMULATION.acquire()
         if libsumo.simulation.isLoaded():
@@ -78,14 +93,16 @@ class SumoTraffic(Traffic):
         """
         try:
             while (self._step + 1) * STEP_S <= at_s + 1e-9:
-                libsumo.simulationStep()
                 self._step += 1
+                self._place_guests(self._guests(self._step * STEP_S))
+                libsumo.simulationStep()
                 self._cars = self._look()
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             self.close()
             raise self._wrong(error) from None
         return self._cars.moved_on(max(at_s - self._step * STEP_S, 0.0))
 
+    @override
     def close(self) -> None:
         """End the simulation, so that another one can start; by the thread that started it."""
         if self._is_running:
@@ -102,7 +119,7 @@ class SumoTraffic(Traffic):
 
     def _look(self) -> Cars:
         vehicle = libsumo.vehicle
-        names = tuple(vehicle.getIDList())
+        names = tuple(name for name in vehicle.getIDList() if name not in self._present)
         rows = [
             (*vehicle.getPosition(name), vehicle.getAngle(name), vehicle.getSpeed(name),
              vehicle.getAcceleration(name), vehicle.getLength(name), vehicle.getWidth(name))
@@ -114,6 +131,27 @@ class SumoTraffic(Traffic):
         middle = np.stack([x, y], axis=1) - length[:, None] / 2.0 * ahead
         at_s = self._step * STEP_S
         return Cars(at_s, names, middle, heading, speed, acceleration, length, width)
+
+    def _place_guests(self, guests: Mapping[str, CarState]) -> None:
+        """Say where the guests are at the end of the next step."""
+        vehicle = libsumo.vehicle
+        for name, state in guests.items():
+            if name not in self._present:
+                self._make_room(state)
+                self._present.add(name)
+                vehicle.add(name, _GUEST_ROUTE)
+                vehicle.setLength(name, state.length_m)
+                vehicle.setWidth(name, state.width_m)
+            front = state.point(state.length_m / 2.0, 0.0)
+            heading_deg = math.degrees(state.heading_rad) % 360.0
+            vehicle.moveToXY(name, "", -1, *front, heading_deg, _FREELY)
+            vehicle.setSpeed(name, state.speed_m_s)
+
+    def _make_room(self, state: CarState) -> None:
+        cars = self._look()
+        off_m = np.hypot(*(cars.middle_m - (state.x_m, state.y_m)).T)
+        for index in np.flatnonzero(off_m < MAKE_ROOM_M):
+            libsumo.vehicle.remove(cars.names[index])
 
     def _wrong(self, error: Exception) -> SumoError:
         return SumoError(f"{self._config}: SUMO says: {' '.join(str(error).split())}")

@@ -323,13 +323,18 @@ class LiveTestbench:
             utc_s=time.time(),
             credentials=self._trial,
         )
-        return BackgroundTraffic(
+        background = BackgroundTraffic(
             FaultyAir(air, self._scenario, self._at_s, utc_offset_s, self._trial),
             self._scenario,
+            self._road.cars_at,
+            self._at_s,
+            np.random.default_rng(self._seed),
             now=time.monotonic(),
             utc_s=time.time(),
             credentials=self._trial,
         )
+        self._open.callback(background.close)
+        return background
 
     async def _until_ready(self) -> None:
         """Wait until every daemon is ready and receives its sensors, and every box, too."""

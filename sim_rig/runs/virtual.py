@@ -9,6 +9,7 @@ derivation of IDs (`cars/derivation_delay.py`).
 import heapq
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -53,8 +54,8 @@ def run_virtual(
         if recordings_folder
         else {}
     )
-    run = _VirtualRun(scenario, chosen, recorders)
-    run.run()
+    with closing(_VirtualRun(scenario, chosen, recorders)) as run:
+        run.run()
     for recorder in recorders.values():
         recorder.close(scenario.duration_s)
     return RunLog(
@@ -114,7 +115,14 @@ class _VirtualRun:
             credentials,
         )
         self._air = BackgroundTraffic(
-            air, scenario, now=0.0, utc_s=START_UTC_S, credentials=credentials
+            air,
+            scenario,
+            road.cars_at,
+            lambda now: now,
+            np.random.default_rng(seed),
+            now=0.0,
+            utc_s=START_UTC_S,
+            credentials=credentials,
         )
         self._air_planned_at = math.inf
         self.cars = {
@@ -152,6 +160,10 @@ class _VirtualRun:
             elif due.planned_at == now:
                 due.planned_at = math.inf
                 self._carry_away(due, due.handle_timer(now), now)
+
+    def close(self) -> None:
+        """End the background traffic."""
+        self._air.close()
 
     def _deliver(self, now: float) -> None:
         self._air_planned_at = math.inf

@@ -27,6 +27,7 @@ from onboard.observations import Side
 from onboard.settings import Settings, SettingsError, load_settings
 from onboard.wave_udp import psid
 from onboard.wave_udp.settings import RadioProfile
+from sim_rig.scenario.background_settings import BackgroundSettings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
 from sim_rig.scenario.faults import Attack, Fault, PlateMisread, PowerCut
@@ -227,6 +228,9 @@ class Scenario(Settings):
     """Warning-group settings of every car."""
     background_traffic: int = Field(default=0, ge=0, le=200)
     """Number of invisible cars that only send BSMs, received by all."""
+    traffic: BackgroundSettings | None = None
+    """Who drives them: the nearest cars of a source at the start. Without it, they have no
+    position."""
     faults: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...]
 
@@ -307,6 +311,8 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
             yield f"signal.approaches.{road}: no such road; roads: {', '.join(scenario.roads)}"
     if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
         yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
+    if scenario.traffic is not None and not scenario.background_traffic:
+        yield "traffic: drives background_traffic (given 0); allowed: 1 to 200"
     yield from _mistakes_of_faults(scenario)
     has_attack = any(isinstance(fault, Attack) for fault in scenario.faults)
     if scenario.profile is RadioProfile.ITS_G5 and has_attack:

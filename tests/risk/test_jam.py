@@ -70,6 +70,7 @@ def alarms_at(
     return [event for event in iter(monitor.next_event, None) if isinstance(event, Alarm)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_who_goes_and_stops_with_the_lead_is_not_warned(seed: int) -> None:
     """In 36 minutes of driving; fewer than one FCW in 30 is the aim."""

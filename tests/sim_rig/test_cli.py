@@ -192,6 +192,7 @@ def test_a_mistake_of_the_user_ends_with_2(terminal: Terminal, arguments: tuple[
     assert complaint
 
 
+@pytest.mark.long
 def test_a_run_in_virtual_time_that_is_to_be_watched_opens_from_above(tmp_path: Path) -> None:
     browser = tmp_path / "browser"
     browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path}/opened\n', encoding="utf-8")

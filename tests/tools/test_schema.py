@@ -50,6 +50,7 @@ def schema() -> dict[str, Any]:
     return made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", DRIVES, ids=lambda path: str(path.stem))
 def test_every_line_of_a_drive_fits(schema: dict[str, Any], path: Path) -> None:
     validators = {event.kind: of(schema, event.kind) for event in TRACED}

@@ -85,6 +85,7 @@ def test_the_best_for_all_is_taken_not_the_best_for_the_first() -> None:
     assert found([measured(0.9), measured(2.2)], [car(-1.0), car(1.0)]) == {0: 0, 1: 1}
 
 
+@pytest.mark.long
 def test_the_gate_lets_in_what_its_probability_says() -> None:
     rng = np.random.default_rng(0)
     errors = rng.normal(0, np.sqrt(2), size=(4000, 2))  # car and piece: 1 m each

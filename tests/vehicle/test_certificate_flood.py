@@ -38,6 +38,7 @@ def answers(number: int) -> MadeUp:
     return MadeUp(number.to_bytes(8), is_answer=number % 3 > 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("rate_hz", "flood"),
     [

@@ -55,6 +55,7 @@ def brake(driven: Platoon) -> None:
     driven.drive(4.0)
 
 
+@pytest.mark.long
 def test_one_insider_raises_three_warnings_at_most() -> None:
     driven = platoon()
     for number in range(6):

@@ -41,6 +41,7 @@ def test_an_honest_group_forms_and_is_warned() -> None:
     assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)
 
 
+@pytest.mark.long
 def test_an_honest_group_lasts_over_a_change_of_ids_though_clocks_differ() -> None:
     keys = {plate: credentials_of(plate, 30.0) for plate in PLATES}
     late_s = dict(zip(PLATES, (0.0, 0.9, -0.9), strict=True))

@@ -148,6 +148,7 @@ def ignored(platoon: Platoon, plate: str) -> set[bytes]:
     return {each.signer_id for each in events if isinstance(each, SignerIgnored)}
 
 
+@pytest.mark.long
 def test_who_claims_a_braking_is_charged_though_another_repeats_it() -> None:
     """The leader invents brakings, of which the last vehicle hears by copies only."""
     platoon = driven(reach=1, beacons=False)
@@ -174,6 +175,7 @@ def pass_on_from_elsewhere(platoon: Platoon, insider: Insider, times: int) -> No
         platoon.drive(12.0)
 
 
+@pytest.mark.long
 def test_a_true_braking_elsewhere_is_charged_to_whoever_passes_it_on() -> None:
     platoon, insider = driven(beacons=False), Insider()
     forwarder = insider.pseudonym(platoon.now).credential
@@ -205,6 +207,7 @@ def test_who_passes_on_what_is_elsewhere_silences_no_other_forwarder() -> None:
     assert len(list(platoon.events_of("CCC3", "warning"))) == MOST_ALARMS + 1
 
 
+@pytest.mark.long
 def test_a_braking_that_lasts_is_named_by_the_new_id_after_a_change() -> None:
     """By an ID that its vehicle proves; where its next ID is known by its plate, it goes on.
 

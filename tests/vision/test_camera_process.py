@@ -159,6 +159,7 @@ def test_a_process_that_is_killed_is_a_lost_sensor_until_it_has_started_again(
     assert running.losses == ["process ended"]
 
 
+@pytest.mark.long
 def test_a_process_that_is_stopped_is_ended_and_started_again(
     run: Run, stream: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +218,7 @@ def test_a_camera_that_is_lost_for_good_is_reported_once(
     assert running.losses == ["process ended"]
 
 
+@pytest.mark.long
 def test_the_process_ends_with_its_daemon_however_that_ends(stream: str) -> None:
     program = (
         "import sys, time; from tests.vision.test_camera_process import Running, work\n"

@@ -82,6 +82,7 @@ def test_a_picture_too_small_to_show_anything_is_not_sharp(side_px: int) -> None
     assert not HORIZON.is_sharp(np.zeros((side_px, side_px, 3), np.uint8), LANE)
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 @pytest.mark.parametrize("clip", ["gantries-360p", "motorway-720p", "empty-lane-540p"])
 @pytest.mark.parametrize("fault", ["thirty smears", "blur"])

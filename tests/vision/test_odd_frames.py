@@ -219,6 +219,7 @@ def noisy_pixel(image: Image, stamp_s: float) -> None:
     image[168:176, 320:328] = round(500 * stamp_s) % 256
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changed", [clock, noisy_pixel])
 def test_a_frozen_camera_with_a_running_clock_in_its_image_is_lost(
     drive: Drive, changed: Callable[[Image, float], None]

@@ -67,6 +67,7 @@ def test_vehicles_of_each_kind_are_found(kind: VehicleKind) -> None:
     assert np.mean(found) >= 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(5))
 def test_a_gantry_and_a_date_stamp_are_no_vehicles(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -132,6 +132,7 @@ def test_what_was_still_is_forgotten() -> None:
     assert last / FPS == pytest.approx(1.0 + REMEMBERED_S, abs=0.3)
 
 
+@pytest.mark.long
 def test_a_plate_that_is_burnt_into_the_picture_is_no_lead() -> None:
     """It would be a lead for as long as it is there, at a few metres."""
     art = cv2.resize(draw_plate("GN417KB", EU, px_per_mm=1.0), (156, 34))[..., :3]

@@ -211,10 +211,11 @@ def test_what_a_receiver_decodes_is_found_by_its_wire() -> None:
 
 
 def test_the_communication_ids_of_a_vehicle_are_in_its_recording() -> None:
-    (own,) = own_ids(RecordedDrive([LIVE]))
+    own = own_ids(RecordedDrive([LIVE]))
     sent = [
         entry.record["content"]["sender_id"]
         for entry in RecordedDrive([LIVE]).entries()
         if entry.topic == "/out/sent" and "sender_id" in entry.record["content"]
     ]
-    assert {own.hex()} == set(sent)
+    assert set(sent) <= {each.hex() for each in own}
+    assert 1 <= len(set(sent)) <= len(own) <= 2  # a drive may begin in one epoch and end in another

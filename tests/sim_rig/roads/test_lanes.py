@@ -40,6 +40,7 @@ def test_no_cars_overlap_in_a_minute_of_traffic(source: str) -> None:
     assert counts[-1] > 25
 
 
+@pytest.mark.long
 def test_a_dense_crossing_has_a_hundred_cars_and_one_road_stands() -> None:
     traffic = crossing(IntersectionSettings(), np.random.default_rng(1))
     cars = traffic.cars_at(195.0)  # East and west have had green for 15 s.

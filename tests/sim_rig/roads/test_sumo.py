@@ -1,6 +1,7 @@
 """Traffic from the real libsumo: one interface with the other sources, and clear errors."""
 
 import gzip
+import math
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import TrafficEvent, TrafficEventKind, TrafficEvents
 from sim_rig.roads.recording import RecordedTraffic, record
+from sim_rig.roads.road import CarState
 from sim_rig.roads.sources import open_traffic
 from sim_rig.roads.sumo import NETWORKS, SumoError, SumoTraffic
 
@@ -49,6 +51,32 @@ def test_few_cars_overlap(crossing: RecordedTraffic) -> None:
     """A car that has to stop while it changes over stands in two lanes, which SUMO lets others."""
     for at_s in range(0, 100, 10):
         assert len(boxes_overlap(crossing.cars_at(float(at_s)))) <= 3
+
+
+def test_drivers_keep_off_a_guest_who_stops() -> None:
+    """A car that SUMO does not drive comes after 60 s into the middle lane, and stops there."""
+
+    def guests(at_s: float) -> dict[str, CarState]:
+        since_s = at_s - 60.0
+        speed_m_s = max(22.0 - 8.0 * max(since_s - 3.0, 0.0), 0.0)
+        x_m = 700.0 + 22.0 * min(since_s, 3.0) + (22.0**2 - speed_m_s**2) / 16.0
+        state = CarState(x_m, -6.0, math.pi / 2.0, 0.0, x_m, speed_m_s, 0.0, 4.5, 1.8, 1.5)
+        return {"guest": state} if since_s >= 0.0 else {}
+
+    with SumoTraffic(NETWORKS / "dense-highway.sumocfg", 3, guests) as traffic:
+        gaps_m, speed_m_s = [], math.inf
+        for at_s in range(60, 90):
+            cars, (guest,) = traffic.cars_at(float(at_s)), guests(float(at_s)).values()
+            assert "guest" not in cars.names
+            behind = (abs(cars.middle_m[:, 1] + 6.0) < 1.0) & (cars.middle_m[:, 0] < guest.x_m)
+            nearest = np.flatnonzero(behind)[cars.middle_m[behind, 0].argmax()]
+            lengths_m = (guest.length_m + cars.length_m[nearest]) / 2.0
+            gaps_m.append(guest.x_m - cars.middle_m[nearest, 0] - lengths_m)
+            speed_m_s = cars.speed_m_s[nearest]
+
+    assert min(gaps_m) > 1.0
+    assert gaps_m[-1] < 5.0
+    assert speed_m_s < 0.5
 
 
 def test_the_crossings_of_the_grid_are_oblique() -> None:

@@ -102,6 +102,7 @@ def test_no_process_outlives_its_testbench(tmp_path: Path) -> None:
     assert codes[1] in {-9, -15}  # It may be ended before it has closed its ears.
 
 
+@pytest.mark.long
 def test_a_rig_that_gets_sigterm_stops_its_daemons(tmp_path: Path) -> None:
     rig = subprocess.Popen(
         [sys.executable, "-m", "sim_rig", "run", "fig4", "--out", str(tmp_path)],

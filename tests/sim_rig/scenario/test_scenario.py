@@ -80,6 +80,11 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
             "roads: {road: {points_m: [[0, 0], [0, 0]]}}\ncars:",
             "roads.road: two points of a road that follow each other must differ",
         ),
+        (
+            "cars:",
+            "traffic: {source: sumo-highway}\ncars:",
+            "traffic: drives background_traffic (given 0); allowed: 1 to 200",
+        ),
     ],
 )
 def test_a_mistake_names_file_field_and_value(

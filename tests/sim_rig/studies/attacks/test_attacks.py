@@ -139,6 +139,7 @@ IDENTIFIED_S = 0.2
 """Until a follower knows the vehicle ahead without an attack."""
 
 
+@pytest.mark.long
 def test_without_an_attack_the_vehicles_ahead_are_soon_known() -> None:
     counts = run_imposture(
         IMPOSTURES[AttackKind.NONE_BADLY_READ], (1,), START_UTC_S, QUIET_S, 1, checks=True
@@ -179,6 +180,7 @@ def test_who_asks_under_changing_ids_gets_two_answers_a_second_of_each_vehicle(
     assert 5.0 < float(row["answers_per_s"]) < 6.3  # three vehicles
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("outsiders", [1, 3])
 def test_made_up_certificates_keep_no_vehicle_unknown(outsiders: int) -> None:
     counts = run_certificate_flood((1,), START_UTC_S, MEETS_S + LEARNS_S, outsiders)

@@ -229,6 +229,7 @@ def test_a_killed_worker_of_a_cluster_does_not_change_the_results(tmp_path: Path
     assert sorted(json.loads(line)["run"] for line in lines) == list(NUMBERS)  # each once
 
 
+@pytest.mark.long
 def test_a_cluster_without_workers_that_ends_is_reported_in_two_more_lines(tmp_path: Path) -> None:
     scheduler_file = tmp_path / "scheduler.json"
     code = (

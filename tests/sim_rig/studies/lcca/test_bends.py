@@ -18,6 +18,7 @@ def row_of(source: Source, radius_m: int) -> BendRow:
     return STUDY.one(settings, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("radius_m", [150, 600])
 def test_with_a_yaw_rate_a_row_is_one_group_in_a_bend_without_lines(radius_m: int) -> None:
     assert row_of("yaw rate", radius_m).holds

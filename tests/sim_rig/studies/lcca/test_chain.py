@@ -79,6 +79,7 @@ def with_sight(sight: Sight) -> ChainSettings:
     return SMALL.model_copy(update={"sights": (sight,), "shares": (1.0,)})
 
 
+@pytest.mark.long
 def test_through_the_recommended_lens_most_cars_know_their_lead() -> None:
     rows = [STUDY.one(with_sight("recommended"), number) for number in range(6)]
 
