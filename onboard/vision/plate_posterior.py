@@ -41,13 +41,12 @@ CERTAIN_TEXT, CERTAIN_READING, CERTAIN_READINGS = 0.9, 0.98, 1.5
 """Posterior from which a text is certain; probability of it in one reading, and how many such
 readings, faded, there must be: two, one not long ago. A plate too small to be read is misread alike
 in every frame: on rendered drives at 25 m, `SE652S0` for `SE652SD` with up to 0.97."""
-WIDE_PX, CERTAIN_WIDE_READING, LONGEST = 60.0, 0.92, 8
+WIDE_PX, CERTAIN_WIDE_READING, LONGEST = 60.0, 0.88, 8
 """Width of a plate that is not small, the probability that suffices in a reading of it, and the
 characters that it has at most: a longer text may have what is beside the plate, as `M5VCF20377` for
-`5VCF203`. Of photographs with plates of 65 to 100 px, sharp, dark, blurred or compressed, one was
-read wrong alike with 0.91. The half that chose this bound is certain in 172 of 303, and wrong in
-one, the other half in 173 of 271, and wrong in four, all by one wrong label; with 0.95, 151 of
-either half were certain (`bench.plate_frames`)."""
+`5VCF203`. Of photographs with plates of 65 px, in grey, the half that chose this bound is certain
+in 64 of 89, and wrong in none (with 0.85 in 65), the other half in 57 of 76, and wrong in one, by
+its label; with 0.92 in 57 and 53. With 0.85, the other half has `AUP2403` for `AVP2403`."""
 MAX_CANDIDATES = 16
 """Texts that a lead carries (`Lead.candidates`)."""
 

@@ -9,7 +9,7 @@ correlation coefficient maximization). Both are moved, in proportion to their we
 the mean corners, and not those of the first frame.
 
 The lens, the pixels and the averaging blur it. As there is less noise than in one view, it is
-sharpened before it is read.
+sharpened before it is read, if it has less detail than plates that are seen well.
 """
 
 from dataclasses import dataclass
@@ -35,6 +35,11 @@ _SMOOTHED_PX = 5
 BLUR_PX, SHARPENING = 0.7, 3.0
 """Sigma of the blur, in pixels of the image, and the share of what it took that is added to the
 mean of many frames."""
+DETAIL_PX, SOFT, SHARP = 2.0, 0.15, 0.35
+"""Sigma of a blur in columns of a view, and the shares of the view's deviation that this takes up
+to which all of it is added, and from which nothing is: half of the photographs with plates of 65 px
+have 0.29 to 0.40, of 36 px 0.18 to 0.28, of 100 px out of focus 0.13 to 0.21. Sharpened alike, the
+first were read with less confidence than by one frame, the last with more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +50,13 @@ class PlateViews:
     frames: float = 1.0
 
     def sharpened(self, px_per_pixel: float) -> Views:
-        """The mean, sharpened by as much as frames have taken its noise (unsharp masking).
+        """The mean, sharpened by as much as it lacks detail and noise (unsharp masking).
 
         Args:
             px_per_pixel: columns of the view to a pixel of the image.
         """
-        amount = SHARPENING * (1.0 - 1.0 / self.frames)
+        softness = float(np.clip((SHARP - _detail(self.mean[0, 0])) / (SHARP - SOFT), 0.0, 1.0))
+        amount = SHARPENING * softness * (1.0 - 1.0 / self.frames)
         if amount == 0.0:
             return self.mean
         sigma = BLUR_PX * px_per_pixel
@@ -72,6 +78,12 @@ class PlateViews:
         mean = _sampled(self.mean, _IDENTITY - share * step)
         views_there = _sampled(views, _IDENTITY + (1 - share) * step)
         return PlateViews(mean + (views_there - mean) * share, frames)
+
+
+def _detail(view: npt.NDArray[np.float32]) -> float:
+    """Share of the view's deviation that a small blur takes."""
+    fine = view - cv2.GaussianBlur(view, (0, 0), DETAIL_PX)
+    return float(fine.std() / max(float(view.std()), 1e-6))
 
 
 _IDENTITY = np.eye(2, 3, dtype=np.float32)

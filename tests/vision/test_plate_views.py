@@ -109,6 +109,13 @@ def test_what_frames_show_blurred_is_sharpened_as_noise_falls() -> None:
     assert error(views.sharpened(px_per_pixel)) < 0.9 * error(views.mean)
 
 
+def test_what_is_sharp_is_read_as_it_is_seen() -> None:
+    sharp, blurred = (PlateViews(views, 12.0) for views in (plate(1), soft(1)))
+
+    assert np.array_equal(sharp.sharpened(2.0), sharp.mean)
+    assert not np.array_equal(blurred.sharpened(2.0), blurred.mean)
+
+
 def test_uniform_views_stay_uniform() -> None:
     blank = np.zeros((3, 1, 64, 160), np.float32)
 
