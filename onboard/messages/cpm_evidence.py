@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from onboard.messages.fields import Choice, Chosen, OctetString, SequenceOf, Unsigned
-from onboard.messages.footer_reader import OBSERVER_BITS
 from onboard.messages.mvs_footer import (
     CORRELATION,
     MAX_OBSERVERS,
+    OBSERVER_BITS,
     OBSERVER_BYTES,
     RUN,
     SIGMA_M,

@@ -15,15 +15,13 @@ padded with zeros.
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Any
 
 from typing_extensions import override
 
 from onboard.errors import DecodeError
-from onboard.messages.bit_io import BitWriter
+from onboard.messages.bit_io import BitReader, BitWriter
 from onboard.messages.fields import FixedField, FixedPoint, SequenceOf, Unsigned
-from onboard.messages.footer_reader import AGE_BITS, COUNT_BITS, OBSERVER_BITS, FooterReader
 from onboard.messages.record import Record
 
 VERSION = 2
@@ -31,6 +29,11 @@ OBSERVER_BYTES = 4
 """Size of a BSM's temporary ID."""
 MAX_OBSERVERS = 255
 """In one message: an observer is named by one byte."""
+AGE_BITS = 12
+COUNT_BITS = 4
+"""Width of the number of measurements in a run, less one."""
+OBSERVER_BITS = AGE_BITS - COUNT_BITS
+"""Observer and count have together as many bits as an age: a provenance is a series of words."""
 MAX_AGE_MS = (1 << AGE_BITS) - 1
 MAX_RUN = 1 << COUNT_BITS
 
@@ -158,20 +161,6 @@ class MvsFooter:
     estimates: tuple[SharedEstimate, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class FooterSections:
-    """A footer of correct structure, its measurements and states still encoded."""
-
-    header: FooterHeader
-    observers: tuple[bytes, ...]
-    measurements: bytes
-    """All measurements, one after the other."""
-    states: bytes
-    """The states of all estimates, one after the other."""
-    provenances: list[list[tuple[int, list[int]]]]
-    """The runs of each estimate: index in the table of observers, and ages in ms."""
-
-
 HEADER = Record(FooterHeader)
 MEASUREMENT = Record(SharedMeasurement)
 STATE = Record(SharedState)
@@ -208,52 +197,45 @@ def decode(data: bytes) -> MvsFooter:
     """Read a received footer.
 
     Raises:
-        DecodeError: those of `read_sections`, `out_of_range`.
-    """
-    sections = read_sections(data)
-    header = sections.header
-    return MvsFooter(
-        header.reference_ms,
-        header.latitude_deg,
-        header.longitude_deg,
-        sections.observers,
-        tuple(map(MEASUREMENT.decode, _pieces(sections.measurements, MEASUREMENT.size_bytes))),
-        tuple(
-            SharedEstimate(
-                STATE.decode(state),
-                tuple(ObserverRun(observer, tuple(ages_ms)) for observer, ages_ms in runs),
-            )
-            for state, runs in zip(
-                _pieces(sections.states, STATE.size_bytes), sections.provenances, strict=True
-            )
-        ),
-    )
-
-
-def read_sections(data: bytes) -> FooterSections:
-    """Check the structure of a received footer and find its sections.
-
-    Raises:
         DecodeError: `too_short`, `trailing_bytes`, `out_of_range`, `unknown_version`,
             `unknown_observer`, `empty_provenance` or `repeated_measurement`.
     """
     if data and data[0] != VERSION:
         raise DecodeError("unknown_version", f"{data[0]} instead of {VERSION}")
-    reader = FooterReader(data)
-    header = HEADER.decode(reader.take(HEADER.size_bytes))
-    observers = _pieces(reader.take(OBSERVER_BYTES * header.observers), OBSERVER_BYTES)
-    measurements = reader.take(MEASUREMENT.size_bytes * header.measurements)
-    states, provenances = [], []
-    for _ in range(header.estimates):
-        state = reader.take(STATE.size_bytes)
-        states.append(state)
-        provenances.append(_read_provenance(reader, state[-1]))  # its last field counts the runs
-    reader.finish()
-    named = {observer for runs in provenances for observer, _ in runs}
-    named.update(measurements[:: MEASUREMENT.size_bytes])  # their first field
+    reader = BitReader(data)
+    header = HEADER.take(reader)
+    observers = tuple(
+        reader.take(OBSERVER_BYTES * 8).to_bytes(OBSERVER_BYTES) for _ in range(header.observers)
+    )
+    measurements = tuple(MEASUREMENT.take(reader) for _ in range(header.measurements))
+    estimates = tuple(_take_estimate(reader) for _ in range(header.estimates))
+    if reader.left:
+        raise DecodeError("trailing_bytes", f"{reader.left // 8} bytes behind the last entry")
+    named = {each.observer for each in measurements}
+    named.update(run.observer for estimate in estimates for run in estimate.provenance)
     if named and max(named) >= header.observers:
         raise DecodeError("unknown_observer", f"number {max(named)} of {header.observers}")
-    return FooterSections(header, tuple(observers), measurements, b"".join(states), provenances)
+    return MvsFooter(
+        header.reference_ms,
+        header.latitude_deg,
+        header.longitude_deg,
+        observers,
+        measurements,
+        estimates,
+    )
+
+
+def _take_estimate(reader: BitReader) -> SharedEstimate:
+    state = STATE.take(reader)
+    if not state.runs:
+        raise DecodeError("empty_provenance", "an estimate is made from something")
+    runs = tuple(RUN.take(reader) for _ in range(state.runs))
+    if reader.take(reader.left % 8):
+        raise DecodeError("out_of_range", "the padding bits are not zero")
+    measurements = [(run.observer, age_ms) for run in runs for age_ms in run.ages_ms]
+    if len(set(measurements)) < len(measurements):
+        raise DecodeError("repeated_measurement", "in the provenance of an estimate")
+    return SharedEstimate(state, runs)
 
 
 def as_dict(footer: MvsFooter) -> dict[str, Any]:
@@ -272,10 +254,6 @@ def as_dict(footer: MvsFooter) -> dict[str, Any]:
     }
 
 
-def _pieces(data: bytes, size: int) -> list[bytes]:
-    return [data[at : at + size] for at in range(0, len(data), size)]
-
-
 def _encode_provenance(runs: tuple[ObserverRun, ...]) -> bytes:
     if not runs:
         return b""
@@ -283,17 +261,3 @@ def _encode_provenance(runs: tuple[ObserverRun, ...]) -> bytes:
     for run in runs:
         RUN.put(writer, run)
     return writer.finish()
-
-
-def _read_provenance(reader: FooterReader, count: int) -> list[tuple[int, list[int]]]:
-    """Read `count` runs as `RUN` declares them, several times as fast."""
-    if not count:
-        raise DecodeError("empty_provenance", "an estimate is made from something")
-    words, ends = reader.take_runs(count)
-    runs = [(words[at] >> COUNT_BITS, words[at + 1 : end]) for at, end in pairwise([0, *ends])]
-    ages_ms = [age_ms for _, ages in runs for age_ms in ages]
-    if len(set(ages_ms)) < len(ages_ms):  # equal ages of two observers are rare, and allowed
-        named = {(observer, age_ms) for observer, ages in runs for age_ms in ages}
-        if len(named) < len(ages_ms):
-            raise DecodeError("repeated_measurement", "in the provenance of an estimate")
-    return runs

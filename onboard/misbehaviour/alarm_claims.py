@@ -20,6 +20,7 @@ from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause, Level
 from onboard.risk.alarm_table import Credit, row_of
 from onboard.sensors.host_state import HostState
+from onboard.tracking.evidence import observer_of
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 MAX_SIGMA_M_S = 1.0
@@ -226,6 +227,6 @@ class AlarmClaims:
         if claimed.source is ObjectSource.BSM:
             ids = frozenset({bytes.fromhex(name)})
         else:
-            observers = {measured.observer for measured in claimed.provenance}
+            observers = {observer_of(each) for each in claimed.provenance}
             ids = claimed.reporters & observers or claimed.reporters
         return frozenset(self._signer_of(each) or NO_SENDER for each in ids)

@@ -51,7 +51,9 @@ from onboard.tracking.evidence import (
     Evidence,
     Measurement,
     Provenance,
+    measured_ms,
     measurement_id,
+    observer_of,
 )
 
 BOUND_SIGMAS = 1.96
@@ -98,7 +100,7 @@ def encode_within(
     fitting = [
         each
         for each in objects
-        if all(0 <= reference_ms - stamp_ms <= MAX_AGE_MS for _, stamp_ms in each.piece.provenance)
+        if all(0 <= reference_ms - measured_ms(one) <= MAX_AGE_MS for one in each.piece.provenance)
     ]
     while True:
         message = _message_of(fitting, sender, reference_ms, frame)
@@ -125,7 +127,7 @@ def _message_of(
         velocity_sigmas = [each.velocity_sigma_m_s] * 2
         if isinstance(mapped, Measurement):
             place_m = mapped.position_m
-            observer = observers.setdefault(mapped.id.observer, len(observers))
+            observer = observers.setdefault(observer_of(mapped.id), len(observers))
             evidence = MeasurementEvidence(observer, *sigmas, *correlations)
             pieces.append(Chosen(MEASUREMENT, evidence))
         else:
@@ -213,7 +215,7 @@ def _measured(
     for row, (_, each, bound_m) in enumerate(placed):
         states[row, :2] = each.position.east.value_m, each.position.north.value_m
         covariances[row, :2, :2] = (bound_m / BOUND_SIGMAS) ** 2 * np.eye(2)
-    return SharedEntries.of(
+    return SharedEntries(
         anchor,
         [at if each.object_id is None else each.object_id for at, each, _ in placed],
         [
@@ -222,8 +224,10 @@ def _measured(
             )
             for _, each, _ in placed
         ],
-        (message.station_id,),
-        (states, covariances, np.zeros(len(placed))),
+        frozenset((message.station_id,)),
+        states=states,
+        covariances=covariances,
+        has_speed=np.zeros(len(placed)),
     )
 
 
@@ -257,12 +261,14 @@ def _evident(
             provenances.append(frozenset((measurement_id(observer, stamp_ms),)))
         size = 4 if piece.name == ESTIMATE else 2
         covariances[row, :size, :size] = _covariance(content)
-    return SharedEntries.of(
+    return SharedEntries(
         anchor,
         [at if each.object_id is None else each.object_id for at, each in enumerate(objects)],
         provenances,
-        evidence.observers,
-        (states, covariances, has_speed),
+        frozenset(evidence.observers),
+        states=states,
+        covariances=covariances,
+        has_speed=has_speed,
     )
 
 
@@ -309,7 +315,7 @@ def _provenance(
     provenance = frozenset(named)
     if len(provenance) < len(named):
         raise DecodeError("repeated_measurement", "in the provenance of an estimate")
-    if max(measured_ms for _, measured_ms in provenance) != stamp_ms:
+    if max(map(measured_ms, provenance)) != stamp_ms:
         raise DecodeError("contradictory_containers", "an object is not as old as its evidence")
     return provenance
 

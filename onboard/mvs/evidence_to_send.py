@@ -7,7 +7,7 @@ import numpy as np
 from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
 from onboard.mvs.sent_evidence import SentEvidence
 from onboard.mvs.settings import MvsSettings
-from onboard.tracking.evidence import Evidence, Measurement, stamp_ms_of
+from onboard.tracking.evidence import Evidence, Measurement, observer_of, stamp_ms_of
 from onboard.tracking.evidence_store import EvidenceView, StoredEvidence
 from onboard.tracking.fusion import fuse
 from onboard.tracking.independent_set import independent, up_to
@@ -160,4 +160,4 @@ class EvidenceToSend:
 
 
 def _is_own_measurement(stored: StoredEvidence, own_ids: Collection[bytes]) -> bool:
-    return stored.is_measurement and all(observer in own_ids for observer, _ in stored.provenance)
+    return stored.is_measurement and all(observer_of(each) in own_ids for each in stored.provenance)

@@ -1,4 +1,4 @@
-"""Encoding of evidence as a footer, and decoding of footers."""
+"""Encoding of evidence as a footer."""
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Sequence
@@ -10,7 +10,6 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import mvs_footer
-from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
     MAX_AGE_MS,
     MAX_OBSERVERS,
@@ -21,20 +20,17 @@ from onboard.messages.mvs_footer import (
     SharedMeasurement,
     SharedState,
 )
-from onboard.mvs.received_footers import SharedEntries
 from onboard.tracking.evidence import (
     Evidence,
     Measurement,
-    MeasurementId,
     Provenance,
-    measurement_id,
+    measured_ms,
+    observer_of,
+    observers_and_times,
 )
 
 _NUMBERS = 256
 """Numbers of vehicles on the air."""
-
-_MEASUREMENTS = Columns(mvs_footer.MEASUREMENT)
-_STATES = Columns(mvs_footer.STATE)
 
 Entry = tuple[int, Evidence]
 """The sender's number for a vehicle, and an ME of it."""
@@ -70,9 +66,9 @@ def footer_of(
             east_m, north_m = piece.position_m.tolist()
             measurements.append(
                 SharedMeasurement(
-                    observers.setdefault(piece.id.observer, len(observers)),
+                    observers.setdefault(observer_of(piece.id), len(observers)),
                     number % _NUMBERS,
-                    reference_ms - piece.id.stamp_ms,
+                    reference_ms - piece.stamp_ms,
                     0,
                     east_m,
                     north_m,
@@ -91,44 +87,6 @@ def footer_of(
         tuple(observers),
         tuple(measurements),
         tuple(estimates),
-    )
-
-
-def read(data: bytes) -> SharedEntries:
-    """Decode the entries of a footer, measurements first.
-
-    Raises:
-        DecodeError: those of `mvs_footer.decode`.
-    """
-    sections = mvs_footer.read_sections(data)
-    header, observers = sections.header, sections.observers
-    measured, stated = _MEASUREMENTS.read(sections.measurements), _STATES.read(sections.states)
-    n, total = len(measured), len(measured) + len(stated)
-    observer_of, numbers, ages_ms = measured[:, :3].T.tolist()
-    provenances: list[Provenance] = [
-        frozenset((measurement_id(observers[int(at)], header.reference_ms - int(age_ms)),))
-        for at, age_ms in zip(observer_of, ages_ms, strict=True)
-    ]
-    provenances += [
-        frozenset(
-            [
-                measurement_id(observers[observer], header.reference_ms - age_ms)
-                for observer, ages_ms in runs
-                for age_ms in ages_ms
-            ]
-        )
-        for runs in sections.provenances
-    ]
-    states, covariances = np.zeros((total, 4)), np.zeros((total, 4, 4))
-    states[:n, :2], states[n:] = measured[:, 4:6], stated[:, 1:5]
-    covariances[:n, :2, :2] = from_correlations(measured[:, 6:8], measured[:, 8:])
-    covariances[n:] = from_correlations(stated[:, 5:9], stated[:, 9:-1])
-    return SharedEntries.of(
-        LocalFrame(header.latitude_deg, header.longitude_deg),
-        list(map(int, numbers + stated[:, 0].tolist())),
-        provenances,
-        observers,
-        (states, covariances, np.repeat([0.0, 1.0], [n, total - n])),
     )
 
 
@@ -154,10 +112,10 @@ def encode_within(
     fitting = [
         (number, piece)
         for number, piece in entries
-        if all(0 <= reference_ms - stamp_ms <= MAX_AGE_MS for _, stamp_ms in piece.provenance)
+        if all(0 <= reference_ms - measured_ms(each) <= MAX_AGE_MS for each in piece.provenance)
     ]
     while True:
-        names = {observer for _, piece in fitting for observer, _ in piece.provenance}
+        names = {observer_of(each) for _, piece in fitting for each in piece.provenance}
         if len(names) <= MAX_OBSERVERS:
             data = mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor))
             if len(data) <= max_bytes or not fitting:
@@ -166,7 +124,7 @@ def encode_within(
 
 
 def runs_of(
-    provenance: Iterable[MeasurementId], reference_ms: int, observers: dict[bytes, int]
+    provenance: Provenance, reference_ms: int, observers: dict[bytes, int]
 ) -> tuple[ObserverRun, ...]:
     """Return a provenance by observers, which are added to the table of them.
 
@@ -176,7 +134,7 @@ def runs_of(
         observers: index of each in the table.
     """
     ages_of: dict[bytes, list[int]] = defaultdict(list)
-    for observer, stamp_ms in sorted(provenance):
+    for observer, stamp_ms in observers_and_times(provenance):
         ages_of[observer].append(reference_ms - stamp_ms)
     return tuple(
         ObserverRun(

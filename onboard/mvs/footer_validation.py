@@ -11,6 +11,7 @@ import numpy as np
 from onboard.kinematics.arrays import Array
 from onboard.misbehaviour.evidence_check import RADIO_RANGE_M, SENSING_RANGE_M, violations
 from onboard.mvs.received_footers import ReceivedFooter
+from onboard.tracking.evidence import measured_ms, observer_of
 from onboard.tracking.evidence_store import EvidenceBatch
 
 FOOTERS_PER_S = 20.0
@@ -80,7 +81,8 @@ def _naming_false_own_measurements(
             not_mine = {
                 identity
                 for identity in frozenset().union(*footer.provenances)
-                if identity.observer in own.own_ids and identity.stamp_ms not in own.stamps_ms
+                if observer_of(identity) in own.own_ids
+                and measured_ms(identity) not in own.stamps_ms
             }
             rows += [
                 first + at

@@ -25,7 +25,8 @@ from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs import cpm_coding, sdsm_coding
 from onboard.mvs.cpm_coding import SharedObject
 from onboard.mvs.evidence_to_send import EvidenceToSend
-from onboard.mvs.footer_coding import encode_within, read
+from onboard.mvs.footer_coding import encode_within
+from onboard.mvs.footer_reading import read
 from onboard.mvs.footer_validation import MAX_ENTRIES, OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
@@ -38,7 +39,13 @@ from onboard.mvs.remote_vehicles import (
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Discarded, Position, VehicleDetection
-from onboard.tracking.evidence import Measurement, MeasurementId, ProvenanceSpans, as_arrays
+from onboard.tracking.evidence import (
+    Measurement,
+    ProvenanceSpans,
+    as_arrays,
+    measurement_id,
+    observer_of,
+)
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.fusion import propagate
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -312,7 +319,7 @@ class MultiVehicleSensing(Core):
                 self._wire_number(track),
                 piece,
                 *_velocity(track),
-                is_sensed=any(observer in self._own_ids for observer, _ in piece.provenance),
+                is_sensed=any(observer_of(each) in self._own_ids for each in piece.provenance),
             )
             for track, piece in selected
         ]
@@ -469,7 +476,8 @@ class MultiVehicleSensing(Core):
         """Make direct measurements of the detections, image by image."""
         images = groupby(sorted(self._detections, key=_stamp_s), key=_stamp_s)
         for stamp_s, detections in [(stamp_s, list(image)) for stamp_s, image in images]:
-            identity = MeasurementId(self.own_id, self._utc_ms(stamp_s))
+            stamp_ms = self._utc_ms(stamp_s)
+            identity = measurement_id(self.own_id, stamp_ms)
             measured: dict[int, Measurement] = {}
             velocities: dict[int, tuple[Array, Array]] = {}
             for detection in detections:
@@ -483,7 +491,7 @@ class MultiVehicleSensing(Core):
                 measured[detection.track_id] = Measurement(identity, *measurement)
             if measured:
                 n = len(measured)
-                self._own_stamps_ms.append(identity.stamp_ms)
+                self._own_stamps_ms.append(stamp_ms)
                 provenances = [frozenset((identity,))] * n
                 batch = EvidenceBatch(
                     [OWN] * n,

@@ -1,14 +1,19 @@
 """Entries of received footers: of one footer in its sender's frame, of many in the host's."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.tracking.evidence import Evidence, Provenance, ProvenanceSpans, piece_of
+from onboard.tracking.evidence import (
+    Evidence,
+    Provenance,
+    ProvenanceSpans,
+    observer_of,
+    piece_of,
+)
 from onboard.tracking.evidence_store import EvidenceBatch
 
 
@@ -17,46 +22,20 @@ class SharedEntries:
     """The N entries of one footer, in the frame of its anchor; receivers may share the object."""
 
     anchor: LocalFrame
-    numbers: tuple[int, ...]
+    numbers: Sequence[int]
     """The sender's number for each vehicle; equal in its other footers."""
-    provenances: tuple[Provenance, ...]
+    provenances: Sequence[Provenance]
     observers: frozenset[bytes]
     """Observers of the measurements in them."""
-    spans: ProvenanceSpans
-    """Of `provenances`."""
-    entries: StateArrays
+    states: Array
+    """(N, 4) at the time of the last measurement; the speed of a mere position is 0."""
+    covariances: Array
+    """(N, 4, 4)"""
+    has_speed: Array
+    """(N), 1.0 for a whole state, 0.0 for a mere position."""
 
     def __len__(self) -> int:
         return len(self.numbers)
-
-    @classmethod
-    def of(
-        cls,
-        anchor: LocalFrame,
-        numbers: Sequence[int],
-        provenances: Sequence[Provenance],
-        observers: Iterable[bytes],
-        entries: tuple[Array, Array, Array],
-    ) -> Self:
-        """Return N entries.
-
-        Args:
-            anchor: their frame.
-            numbers: (N) the sender's.
-            provenances: (N).
-            observers: of the measurements in them.
-            entries: states (N, 4), covariances (N, 4, 4), and 1 for each that has a speed (N).
-        """
-        states, covariances, has_speed = entries
-        spans = ProvenanceSpans.of(provenances)
-        return cls(
-            anchor,
-            tuple(numbers),
-            tuple(provenances),
-            frozenset(observers),
-            spans,
-            StateArrays(spans.newest_ms, states.T, covariances.transpose(1, 2, 0), has_speed),
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,36 +64,46 @@ def concatenate(
         frame: the host vehicle's.
         utc_ms: converts a time of receipt to UTC.
     """
+    footers = [each.footer for each in received]
     senders = [each.sender_id for each in received for _ in range(len(each.footer))]
-    provenances = [provenance for each in received for provenance in each.footer.provenances]
-    entries = in_frame([each.footer for each in received], frame)
+    provenances, spans, entries = _in_frame(footers, frame)
     return EvidenceBatch(
         senders,
-        [number for each in received for number in each.footer.numbers],
+        [number for footer in footers for number in footer.numbers],
         provenances,
         [ms for each in received for ms in [utc_ms(each.received_s)] * len(each.footer)],
-        ProvenanceSpans.concatenate([each.footer.spans for each in received]),
+        spans,
         _are_firsthand(senders, provenances, entries),
         entries,
     )
 
 
-def in_frame(footers: Sequence[SharedEntries], frame: LocalFrame) -> StateArrays:
+def evidence_in(footer: SharedEntries, frame: LocalFrame) -> list[Evidence]:
+    """Return all entries of a footer as evidence in `frame`."""
+    provenances, _, entries = _in_frame([footer], frame)
+    return [
+        piece_of(provenance, entries, row, is_measurement=not entries.has_speed[row])
+        for row, provenance in enumerate(provenances)
+    ]
+
+
+def _in_frame(
+    footers: Sequence[SharedEntries], frame: LocalFrame
+) -> tuple[list[Provenance], ProvenanceSpans, StateArrays]:
     """Return the entries of all footers, one footer after the other, in `frame`."""
+    provenances = [provenance for footer in footers for provenance in footer.provenances]
+    spans = ProvenanceSpans.of(provenances)
+    entries = StateArrays(
+        spans.newest_ms,
+        np.concatenate([footer.states for footer in footers]).T,
+        np.concatenate([footer.covariances for footer in footers]).transpose(1, 2, 0),
+        np.concatenate([footer.has_speed for footer in footers]),
+    )
     mappings = [frame.mapping_from(footer.anchor) for footer in footers]
     counts = [len(footer) for footer in footers]
     turns = np.repeat([turn for turn, _ in mappings], counts, axis=0)
     shifts = np.repeat([shift for _, shift in mappings], counts, axis=0)
-    return StateArrays.concatenate([footer.entries for footer in footers]).mapped(turns, shifts)
-
-
-def evidence_in(footer: SharedEntries, frame: LocalFrame) -> list[Evidence]:
-    """Return all entries of a footer as evidence in `frame`."""
-    entries = in_frame([footer], frame)
-    return [
-        piece_of(p, entries, row, is_measurement=not entries.has_speed[row])
-        for row, p in enumerate(footer.provenances)
-    ]
+    return provenances, spans, entries.mapped(turns, shifts)
 
 
 def _are_firsthand(
@@ -122,7 +111,7 @@ def _are_firsthand(
 ) -> list[bool]:
     """Whether each entry is a measurement that its sender made itself."""
     return [
-        not has_speed and all(observer == sender for observer, _ in provenance)
+        not has_speed and all(observer_of(each) == sender for each in provenance)
         for sender, provenance, has_speed in zip(
             senders, provenances, entries.has_speed.tolist(), strict=True
         )

@@ -136,13 +136,15 @@ def entries_in(message: SensorDataSharingMessage, now_ms: int) -> SharedEntries:
     for at, (common, sigma_m) in enumerate(placed):
         states[at, :2] = common.offset.east_m, common.offset.north_m
         covariances[at, :2, :2] = sigma_m**2 * np.eye(2)
-    return SharedEntries.of(
+    return SharedEntries(
         LocalFrame(latitude_deg, longitude_deg),
         [common.object_id for common, _ in placed],
         [
             frozenset((measurement_id(message.source_id, stamp_ms + common.measurement_time_ms),))
             for common, _ in placed
         ],
-        (message.source_id,),
-        (states, covariances, np.zeros(n)),
+        frozenset((message.source_id,)),
+        states=states,
+        covariances=covariances,
+        has_speed=np.zeros(n),
     )

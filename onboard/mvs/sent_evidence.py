@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 from onboard.kinematics.arrays import Array
 from onboard.mvs.footer_coding import free_number
-from onboard.tracking.evidence import Estimate, Evidence, MeasurementId
+from onboard.tracking.evidence import Estimate, Evidence, MeasurementId, measured_ms
 from onboard.tracking.track import Track
 
 MAXIMUM_INTERVAL_MS = 1_000
@@ -94,7 +94,7 @@ class SentEvidence:
             sent.footer_ms, sent.state = now_ms, track.estimate.state
             sent.measurements |= piece.provenance
             sent.measurements = {
-                each for each in sent.measurements if each.stamp_ms > now_ms - _KEPT_MS
+                each for each in sent.measurements if measured_ms(each) > now_ms - _KEPT_MS
             }
 
     def merge(self, kept: Track, merged: Track) -> None:

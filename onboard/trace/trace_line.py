@@ -1,7 +1,8 @@
 """One JSON line per observation, transition, message and warning.
 
 A line has `stamp_s`, `kind`, and then the fields of the event under their own names. A trace leaves
-out fields declared with the metadata `{"traced": False}`; a recording has them.
+out fields declared with the metadata `{"traced": False}`; a recording has them. The metadata
+`traced_as` is a function that is applied to the field's value.
 """
 
 import json
@@ -86,7 +87,14 @@ def as_record(event: Event) -> dict[str, Any]:
 
 
 def _plain_fields(value: Any) -> dict[str, Any]:
-    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    return {
+        field.name: _plain(field.metadata.get("traced_as", _unchanged)(getattr(value, field.name)))
+        for field in fields(value)
+    }
+
+
+def _unchanged(value: Any) -> Any:
+    return value
 
 
 @singledispatch

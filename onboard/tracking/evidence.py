@@ -10,9 +10,8 @@ Positions are metres east and north in the frame of the vehicle that stores the 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from operator import attrgetter
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -22,19 +21,35 @@ UNKNOWN_SPEED_SIGMA_M_S = 100.0
 """Speed of a vehicle of which one position is known: no information, with margin."""
 
 
-class MeasurementId(NamedTuple):
-    """Observer and time of a measurement."""
-
-    observer: bytes
-    """Temporary ID of the measuring vehicle, as in its BSM."""
-    stamp_ms: int
-    """UTC."""
-
-
-measurement_id = lru_cache(maxsize=1 << 14)(MeasurementId)
-"""Returns the same object for the same ID: a measurement is named in many estimates."""
+MeasurementId = int
+"""Observer and time of a measurement in one number, since a tick compares thousands of them: the
+temporary ID of the measuring vehicle, as in its BSM, above 48 bits of ms of UTC."""
 
 Provenance = frozenset[MeasurementId]
+
+OBSERVER_BYTES = 4
+_STAMP_BITS = 48
+_STAMP_MASK = (1 << _STAMP_BITS) - 1
+
+
+def measurement_id(observer: bytes, stamp_ms: int) -> MeasurementId:
+    """Return the number of what an observer (4 bytes) measured at `stamp_ms`."""
+    return (int.from_bytes(observer) << _STAMP_BITS) + stamp_ms
+
+
+def observer_of(identity: MeasurementId) -> bytes:
+    """Return the temporary ID of the vehicle that made a measurement."""
+    return (identity >> _STAMP_BITS).to_bytes(OBSERVER_BYTES)
+
+
+def measured_ms(identity: MeasurementId) -> int:
+    """Return the time of a measurement."""
+    return identity & _STAMP_MASK
+
+
+def observers_and_times(provenance: Provenance) -> list[tuple[bytes, int]]:
+    """Return the measurements in a provenance, in order."""
+    return [(observer_of(each), measured_ms(each)) for each in sorted(provenance)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +70,8 @@ class Measurement:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "provenance", frozenset((self.id,)))
-        object.__setattr__(self, "stamp_ms", self.id.stamp_ms)
-        object.__setattr__(self, "oldest_ms", self.id.stamp_ms)
+        object.__setattr__(self, "stamp_ms", measured_ms(self.id))
+        object.__setattr__(self, "oldest_ms", self.stamp_ms)
 
     def mapped(self, turn: Array, shift: Array) -> Self:
         """Return the measurement in another frame (`LocalFrame.mapping_from`)."""
@@ -80,7 +95,7 @@ class Estimate:
 
     def __post_init__(self) -> None:
         if not self.stamp_ms:
-            stamps_ms = [stamp_ms for _, stamp_ms in self.provenance]
+            stamps_ms = [measured_ms(identity) for identity in self.provenance]
             object.__setattr__(self, "stamp_ms", max(stamps_ms))
             object.__setattr__(self, "oldest_ms", min(stamps_ms))
 
@@ -176,7 +191,7 @@ class ProvenanceSpans:
         """Compute them for N provenances, none of them empty."""
         counts = np.array([len(provenance) for provenance in provenances], dtype=np.intp)
         stamps_ms = np.array(
-            [stamp_ms for provenance in provenances for _, stamp_ms in provenance], np.float64
+            [each & _STAMP_MASK for provenance in provenances for each in provenance], np.float64
         )
         if not len(counts):
             return cls(stamps_ms, stamps_ms, stamps_ms, stamps_ms)

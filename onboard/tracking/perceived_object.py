@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar
 
-from onboard.tracking.evidence import Provenance
+from onboard.tracking.evidence import Provenance, observers_and_times
 
 
 class ObjectSource(StrEnum):
@@ -37,7 +37,7 @@ class PerceivedObject:
     """(4, 4), m and m/s."""
     age_s: float
     """Since its last measurement or BSM."""
-    provenance: Provenance
+    provenance: Provenance = field(metadata={"traced_as": observers_and_times})
     """The measurements in it, each used once; empty for a vehicle with a radio."""
     acceleration_m_s2: float | None = None
     """Along its course, by its BSM."""

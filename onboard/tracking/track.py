@@ -9,6 +9,7 @@ from onboard.tracking.evidence import (
     MeasurementId,
     Provenance,
     as_estimate,
+    measured_ms,
     stamp_ms_of,
 )
 from onboard.tracking.evidence_store import OWN, Label, StoredEvidence
@@ -40,7 +41,7 @@ class Track:
         self.settled: list[StoredEvidence] = []
         """Evidence in use when it grew old: it stays in use, and its measurements are spent."""
         self._spent: set[MeasurementId] = set()
-        self._bits: dict[MeasurementId, int] = {}
+        self._bits = _Bits()
         """One bit for each measurement of this vehicle."""
         self._has_changed = False
         """Whether evidence was added or dropped since it was last chosen."""
@@ -186,7 +187,7 @@ class Track:
 
     def count_times(self) -> int:
         """Return the number of different times at which it was measured."""
-        return len({stamp_ms for each in self.stored for _, stamp_ms in each.provenance})
+        return len({measured_ms(identity) for each in self.stored for identity in each.provenance})
 
     def was_measured_beside(self, other: "Track") -> bool:
         """Whether one observer measured both at one time: then they are two vehicles."""
@@ -223,16 +224,18 @@ class Track:
 
     def _renumber_bits(self, after_ms: int) -> None:
         """Forget the measurements of `after_ms` or earlier, and number the others anew."""
-        self._spent = {identity for identity in self._spent if identity.stamp_ms > after_ms}
+        self._spent = {each for each in self._spent if measured_ms(each) > after_ms}
         self._bits.clear()
         for stored in self.stored:
             stored.mask = self._mask(stored.provenance)
 
     def _mask(self, provenance: Provenance) -> int:
-        bits, mask = self._bits, 0
-        for identity in provenance:
-            bit = bits.get(identity)
-            if bit is None:
-                bit = bits[identity] = 1 << len(bits)
-            mask |= bit
-        return mask
+        return sum(map(self._bits.__getitem__, provenance))  # no two have a bit in common
+
+
+class _Bits(dict[MeasurementId, int]):
+    """A bit for each measurement, given to it when it is first asked for."""
+
+    def __missing__(self, identity: MeasurementId) -> int:
+        bit = self[identity] = 1 << len(self)
+        return bit

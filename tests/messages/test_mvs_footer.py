@@ -1,7 +1,6 @@
 """The MVS footer: sizes, round trips over the declared ranges, and invalid bytes."""
 
 import dataclasses
-from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -9,12 +8,9 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.messages import mvs_footer
-from onboard.messages.bit_io import BitReader, BitWriter
-from onboard.messages.footer_reader import FooterReader
 from onboard.messages.mvs_footer import (
     HEADER,
     MEASUREMENT,
-    RUN,
     STATE,
     MvsFooter,
     ObserverRun,
@@ -25,7 +21,6 @@ from onboard.messages.mvs_footer import (
     decode,
     encode,
 )
-from tests.messages.strategies import records
 
 MEASURED = SharedMeasurement(0, 9, 100, 0, 12.34, -56.78, 0.5, 0.7, 0.25)
 STATED = SharedState(
@@ -106,23 +101,6 @@ def test_every_entry_that_can_be_decoded_is_encoded_to_the_same_bytes(
     assert [e.provenance for e in decode(data).estimates] == [
         e.provenance for e in footer.estimates
     ]
-
-
-@given(st.lists(records(RUN), min_size=1, max_size=5, unique_by=lambda run: run.observer))
-def test_fast_decoding_of_a_provenance_equals_that_of_its_declaration(
-    provenance: list[ObserverRun],
-) -> None:
-    provenance = [dataclasses.replace(r, ages_ms=tuple(sorted({*r.ages_ms}))) for r in provenance]
-    writer = BitWriter()
-    for each in provenance:
-        RUN.put(writer, each)
-    data = writer.finish()
-
-    slow = BitReader(data)
-    assert [RUN.take(slow) for _ in provenance] == provenance
-    words, ends = FooterReader(data).take_runs(len(provenance))
-    fast = [(words[at] >> 4, words[at + 1 : end]) for at, end in pairwise([0, *ends])]
-    assert fast == [(each.observer, [*each.ages_ms]) for each in provenance]
 
 
 @given(st.floats(0.01, 1900))

@@ -8,9 +8,9 @@ from onboard.tracking.evidence import (
     Estimate,
     Evidence,
     Measurement,
-    MeasurementId,
     ProvenanceSpans,
     as_arrays,
+    measurement_id,
 )
 from onboard.tracking.fusion import fuse
 from tests.mvs.attacker import ATTACKER, RECENT, estimate_at
@@ -38,9 +38,9 @@ from tests.mvs.attacker import ATTACKER, RECENT, estimate_at
 def test_impossible_estimates_are_named(
     state: list[float], covariance: np.ndarray, reason: str
 ) -> None:
-    piece = Estimate(frozenset({MeasurementId(ATTACKER, 5)}), np.array(state, float), covariance)
+    piece = Estimate(frozenset({measurement_id(ATTACKER, 5)}), np.array(state, float), covariance)
 
-    moments = frozenset({MeasurementId(ATTACKER, 5), MeasurementId(ATTACKER, 905)})
+    moments = frozenset({measurement_id(ATTACKER, 5), measurement_id(ATTACKER, 905)})
     honest = Estimate(moments, np.zeros(4), np.eye(4))
 
     pieces: list[Evidence] = [honest, piece]
@@ -65,7 +65,7 @@ def test_honest_estimates_are_not_weighted_down() -> None:
     rng = np.random.default_rng(1)
     for n in range(1, 12):
         evidence = [
-            Measurement(MeasurementId(b"abcd", int(t)), rng.normal(size=2), np.eye(2) * 0.1**2)
+            Measurement(measurement_id(b"abcd", int(t)), rng.normal(size=2), np.eye(2) * 0.1**2)
             for t in rng.choice(300, n, replace=False)
         ]
         (estimate,) = fuse([evidence], 1.0)

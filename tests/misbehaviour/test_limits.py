@@ -43,9 +43,9 @@ from onboard.tracking.evidence import (
     Estimate,
     Evidence,
     Measurement,
-    MeasurementId,
     ProvenanceSpans,
     as_arrays,
+    measurement_id,
 )
 from tests.risk.lcca_warnings import lcca_warning
 
@@ -384,7 +384,7 @@ def refused(piece: Evidence) -> dict[int, str]:
 
 
 def estimate(covariance: np.ndarray) -> Estimate:
-    moments = frozenset(MeasurementId(ONE, stamp_ms) for stamp_ms in (5, 905))
+    moments = frozenset(measurement_id(ONE, stamp_ms) for stamp_ms in (5, 905))
     return Estimate(moments, np.zeros(4), covariance)
 
 
@@ -411,11 +411,11 @@ def test_a_covariance_is_symmetric_but_for_its_rounding(
 
 def test_a_mere_position_is_not_asked_for_its_speed() -> None:
     """Which is unknown, and has no covariance."""
-    entries = as_arrays([Measurement(MeasurementId(ONE, 5), np.zeros(2), np.eye(2))])
+    entries = as_arrays([Measurement(measurement_id(ONE, 5), np.zeros(2), np.eye(2))])
     entries.covariances[2:, 2:] = -1.0
     found, _ = violations(
         entries,
-        ProvenanceSpans.of([frozenset({MeasurementId(ONE, 5)})]),
+        ProvenanceSpans.of([frozenset({measurement_id(ONE, 5)})]),
         ranges_m=np.full(1, 1700.0),
         senders_m=np.zeros((2, 1)),
         received_ms=np.full(1, 1000.0),

@@ -8,7 +8,7 @@ from onboard.messages.mvs_footer import MvsFooter
 from onboard.mvs.footer_coding import footer_of
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.observations import Position
-from onboard.tracking.evidence import Estimate, Evidence, MeasurementId
+from onboard.tracking.evidence import Estimate, Evidence, measurement_id
 from tests.mvs.world import EXACT
 
 HERE = LocalFrame(48.1, 11.5)
@@ -37,7 +37,7 @@ def say(mvs: MultiVehicleSensing, footer: MvsFooter | bytes, at: float = NOW) ->
 def estimate_at(
     x_m: float, y_m: float, stamps_ms: list[int], observer: bytes = ATTACKER, sigma_m: float = 0.5
 ) -> Estimate:
-    provenance = frozenset(MeasurementId(observer, stamp_ms) for stamp_ms in stamps_ms)
+    provenance = frozenset(measurement_id(observer, stamp_ms) for stamp_ms in stamps_ms)
     covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
     return Estimate(provenance, np.array([x_m, y_m, 0.0, 10.0]), covariance)
 

@@ -21,7 +21,7 @@ from onboard.messages.its_common import ReferencePosition
 from onboard.messages.mvs_footer import ObserverRun
 from onboard.mvs.cpm_coding import BOUND_SIGMAS, entries_in
 from onboard.mvs.sent_evidence import SentOfTrack
-from onboard.tracking.evidence import Estimate
+from onboard.tracking.evidence import Estimate, observer_of
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
 
 UTC_S = 1_790_000_000.0
@@ -54,7 +54,7 @@ def test_a_vehicle_without_radio_is_known_by_what_another_vehicle_shares() -> No
     world.run(2.0)
 
     x = only(world.without_radio("b"))
-    assert {observer for observer, _ in x.provenance} == {world.car("a").id}
+    assert {observer_of(each) for each in x.provenance} == {world.car("a").id}
     assert np.abs(world.place_of("b", x) - world.truth("x"))[:2].max() < 1.5
     assert world.discarded("b") == []
 
@@ -130,7 +130,7 @@ def test_evidence_in_circles_is_used_once() -> None:
         assert_lists_each_measurement_once(world)
     for k in range(4):
         x = only(world.without_radio(f"c{k}"))
-        assert {observer for observer, _ in x.provenance} == {car.id for car in world.with_radio}
+        assert {observer_of(each) for each in x.provenance} == {car.id for car in world.with_radio}
 
 
 def test_a_message_of_another_make_is_a_measurement_of_its_sender_and_counts_once() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from onboard.mvs.evidence_to_send import SHARED_SPAN_S, EvidenceToSend
 from onboard.mvs.settings import MvsSettings
-from onboard.tracking.evidence import Measurement, MeasurementId, ProvenanceSpans, as_arrays
+from onboard.tracking.evidence import Measurement, ProvenanceSpans, as_arrays, measurement_id
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.track import Track
 from onboard.tracking.tracks import Tracks
@@ -31,7 +31,7 @@ class Observed:
 
     def receive(self, sender: bytes, number: int, stamp_ms: int, now_ms: int) -> None:
         observer = OWN_ID if sender == OWN else sender
-        identity = MeasurementId(observer, stamp_ms)
+        identity = measurement_id(observer, stamp_ms)
         piece = Measurement(identity, np.array([50.0 * number, 0.0]), 0.01 * np.eye(2))
         self.tracks.receive_evidence(
             EvidenceBatch(

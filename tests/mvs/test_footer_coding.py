@@ -13,11 +13,11 @@ from onboard.mvs.footer_coding import (
     footer_of,
     free_number,
     from_correlations,
-    read,
     to_correlations,
 )
+from onboard.mvs.footer_reading import read
 from onboard.mvs.received_footers import SharedEntries, evidence_in
-from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, measurement_id
 from onboard.tracking.fusion import fuse
 
 SENDER, RECEIVER = LocalFrame(48.1, 11.5), LocalFrame(48.12, 11.53)
@@ -29,7 +29,7 @@ def some_evidence(rng: np.random.Generator, cars: int) -> list[Entry]:
     for car in range(cars):
         measurements = [
             Measurement(
-                MeasurementId(observer, 99_900 - 100 * k - 7 * at - car),
+                measurement_id(observer, 99_900 - 100 * k - 7 * at - car),
                 rng.normal((30 * car - 150, 10 * car), 1.0),
                 np.array([[0.5, 0.1], [0.1, 0.3]]),
             )
@@ -84,7 +84,7 @@ def test_what_does_not_fit_is_left_out_from_the_end() -> None:
 
 def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
     pieces = [
-        (0, Measurement(MeasurementId(b"aaaa", stamp_ms), np.zeros(2), np.eye(2)))
+        (0, Measurement(measurement_id(b"aaaa", stamp_ms), np.zeros(2), np.eye(2)))
         for stamp_ms in (95_904, 95_905, 100_000, 100_001)
     ]
 
@@ -95,7 +95,7 @@ def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
 
 
 def test_a_long_provenance_is_several_runs_of_an_observer() -> None:
-    provenance = frozenset(MeasurementId(b"aaaa", 100_000 - k) for k in range(40))
+    provenance = frozenset(measurement_id(b"aaaa", 100_000 - k) for k in range(40))
     estimate = Estimate(provenance, np.zeros(4), np.eye(4))
 
     footer = footer_of([(7, estimate)], 100_000, SENDER, ANCHOR)
@@ -107,7 +107,7 @@ def test_a_long_provenance_is_several_runs_of_an_observer() -> None:
 
 def test_more_observers_than_a_footer_can_name_are_left_out_from_the_end() -> None:
     pieces = [
-        (k, Measurement(MeasurementId(k.to_bytes(4), 100_000), np.zeros(2), np.eye(2)))
+        (k, Measurement(measurement_id(k.to_bytes(4), 100_000), np.zeros(2), np.eye(2)))
         for k in range(300)
     ]
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from onboard.messages import mvs_footer
-from onboard.mvs.footer_coding import read
+from onboard.mvs.footer_reading import read
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.evidence import measured_ms
 from tests.mvs.world import (
     EXACT,
     Car,
@@ -57,7 +58,7 @@ def test_received_evidence_is_relayed_once_at_any_footer_timing(
             message = world.sent.pop(0)
             mvs.receive_bsm(message.sender.id, message.state, message.footer, heard_at)
         for provenance in read(mvs.footer_to_send(now)).provenances:
-            sent += [stamp_ms for _, stamp_ms in provenance]
+            sent += [measured_ms(each) for each in provenance]
 
     assert len(sent) == len(set(sent))
     assert set(range(1_001_000, 1_003_600, 100)) <= set(sent)

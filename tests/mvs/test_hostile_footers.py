@@ -23,7 +23,7 @@ from onboard.messages.mvs_footer import (
 from onboard.mvs.footer_coding import footer_of
 from onboard.mvs.multi_vehicle_sensing import UPDATE_S, MultiVehicleSensing
 from onboard.observations import Position, VehicleDetection
-from onboard.tracking.evidence import Estimate, Measurement, MeasurementId
+from onboard.tracking.evidence import Estimate, Measurement, measurement_id, observer_of
 from onboard.tracking.fusion import propagate
 from onboard.tracking.tracks import DEFAULTS, MAX_TRACKS_PER_SENDER
 from tests.mvs.attacker import (
@@ -66,8 +66,8 @@ def test_positions_on_the_moon_are_far() -> None:
 def test_a_car_cannot_measure_beyond_its_camera_but_may_relay_what_others_measured() -> None:
     mvs = victim()
     far = np.array([0.0, 800.0])
-    measured = Measurement(MeasurementId(ATTACKER, 999_900), far, np.eye(2))
-    relayed = Measurement(MeasurementId(WITNESS, 999_900), far, np.eye(2))
+    measured = Measurement(measurement_id(ATTACKER, 999_900), far, np.eye(2))
+    relayed = Measurement(measurement_id(WITNESS, 999_900), far, np.eye(2))
 
     assert say(mvs, footer_with(measured)) == ["far"]
     assert say(mvs, footer_with(relayed), NOW + 0.1) == []
@@ -190,9 +190,9 @@ def variances_of_a_seen_car(
         stamps = [round(1000 * (NOW + 0.05 * earlier)) for earlier in range(k + 1)]
         now_ms = stamps[-1] + 10
         if attack_every and k >= 20 and k % attack_every == 0:
-            own = {MeasurementId(OWN, stamp) for stamp in stamps if stamp > now_ms - span_ms}
+            own = {measurement_id(OWN, stamp) for stamp in stamps if stamp > now_ms - span_ms}
             lie = Estimate(
-                frozenset(own | {MeasurementId(ATTACKER, now_ms - 1)}),
+                frozenset(own | {measurement_id(ATTACKER, now_ms - 1)}),
                 np.array([0.0, 30.0 + ahead_m, 0.0, 10.0]),
                 np.diag([sigma_m**2, sigma_m**2, sigma_m_s**2, sigma_m_s**2]),
             )
@@ -225,7 +225,7 @@ def test_a_ghost_gets_no_smaller_covariance_than_its_provenance_allows() -> None
     """Two positions of 0.1 m, 0.1 s apart, cannot tell a speed to better than 1.4 m/s."""
     mvs = victim()
     sure = Estimate(
-        frozenset(MeasurementId(ATTACKER, stamp) for stamp in (999_800, 999_900)),
+        frozenset(measurement_id(ATTACKER, stamp) for stamp in (999_800, 999_900)),
         np.array([20.0, 60.0, 0.0, 10.0]),
         np.diag([1e-4, 1e-4, 1e-4, 1e-4]),
     )
@@ -244,7 +244,7 @@ def test_a_single_attacker_does_not_move_a_car_that_others_measure() -> None:
     for k in range(10):
         now = NOW + k / 10
         seen = [
-            Measurement(MeasurementId(WITNESS, round(now * 1000) - 5), p, np.eye(2) * 0.1)
+            Measurement(measurement_id(WITNESS, round(now * 1000) - 5), p, np.eye(2) * 0.1)
             for p in (np.array([0.0, 50.0 + k]),)
         ]
         footer = mvs_footer.encode(footer_with(*seen, reference_ms=round(now * 1000)))
@@ -254,7 +254,9 @@ def test_a_single_attacker_does_not_move_a_car_that_others_measure() -> None:
         lie = estimate_at(0.0, 56.0 + k, stamps, sigma_m=0.3)
         say(mvs, footer_with(lie, reference_ms=round(now * 1000)), now)
 
-    observers = {frozenset(observer for observer, _ in car.provenance) for car in tracks(mvs, now)}
+    observers = {
+        frozenset(observer_of(each) for each in car.provenance) for car in tracks(mvs, now)
+    }
     assert observers == {frozenset({WITNESS}), frozenset({ATTACKER})}
 
 
@@ -390,8 +392,8 @@ def test_pairs_that_leave_all_open_cost_no_more_than_their_number() -> None:
 
 def test_an_observer_corrects_what_others_repeat_of_its_measurement() -> None:
     mvs = victim()
-    hearsay = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.0, 50.0]), np.eye(2))
-    own_word = Measurement(MeasurementId(WITNESS, 999_900), np.array([0.6, 50.0]), np.eye(2))
+    hearsay = Measurement(measurement_id(WITNESS, 999_900), np.array([0.0, 50.0]), np.eye(2))
+    own_word = Measurement(measurement_id(WITNESS, 999_900), np.array([0.6, 50.0]), np.eye(2))
     say(mvs, footer_with(hearsay))
 
     place = Position(NOW, 48.1003, 11.5, None, 0.5, 10.0, 0.0)

@@ -10,6 +10,7 @@ from onboard.mvs import host_vehicle
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.evidence import observer_of
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.mvs.world import EXACT, Car, Message, World, only, ring
 from tests.typed import a
@@ -35,7 +36,7 @@ def test_v1_learns_of_v3_which_only_v4_sees() -> None:
 
     v3 = only(world.without_radio("v1"))
     assert v3.source is ObjectSource.SHARED
-    assert {observer for observer, _ in v3.provenance} == {world.car("v4").id}
+    assert {observer_of(each) for each in v3.provenance} == {world.car("v4").id}
     difference = world.place_of("v1", v3) - world.truth("v3")
     assert np.abs(difference[:2]).max() < 1.0
     assert np.abs(difference[2:]).max() < 1.5
@@ -321,7 +322,7 @@ def test_after_a_change_of_pseudonym_the_own_measurements_are_still_own() -> Non
 
     x = only(world.without_radio("c0"))
     assert x.source is ObjectSource.SENSOR
-    assert {b"--c0", b"-new"} <= {observer for observer, _ in x.provenance}
+    assert {b"--c0", b"-new"} <= {observer_of(each) for each in x.provenance}
     assert "not_my_measurement" not in world.discarded("c0")
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.messages import mvs_footer
-from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.evidence import Measurement, MeasurementId, observer_of
 from onboard.tracking.evidence_store import OWN
 from onboard.tracking.fusion import fuse, propagate
 from onboard.tracking.track import Track
@@ -31,7 +31,7 @@ def test_evidence_forwarded_in_circles_is_used_once() -> None:
 
     for k in range(4):
         x = only(world.without_radio(f"c{k}"))
-        assert {observer for observer, _ in x.provenance} == {car.id for car in world.with_radio}
+        assert {observer_of(each) for each in x.provenance} == {car.id for car in world.with_radio}
         assert np.abs(world.place_of(f"c{k}", x) - world.truth("x"))[:2].max() < 0.7
 
 
@@ -138,7 +138,7 @@ def test_a_measurement_that_was_lost_comes_in_an_estimate() -> None:
     world.run(2.0)
 
     x = only(world.without_radio("c"))
-    assert {observer for observer, _ in x.provenance} == {cars[0].id, cars[1].id}
+    assert {observer_of(each) for each in x.provenance} == {cars[0].id, cars[1].id}
 
 
 def test_when_everything_is_lost_a_car_knows_what_it_sees() -> None:
@@ -147,7 +147,7 @@ def test_when_everything_is_lost_a_car_knows_what_it_sees() -> None:
     world.run(1.0)
 
     x = only(world.without_radio("c0"))
-    assert {observer for observer, _ in x.provenance} == {world.car("c0").id}
+    assert {observer_of(each) for each in x.provenance} == {world.car("c0").id}
     assert len(x.provenance) == 10
 
 
@@ -157,7 +157,7 @@ def test_a_late_message_is_used_where_it_belongs_and_the_state_is_of_now() -> No
     world.run(3.0)
 
     x = only(world.without_radio("c0"))
-    assert {observer for observer, _ in x.provenance} == {b"--c0", b"--c1"}
+    assert {observer_of(each) for each in x.provenance} == {b"--c0", b"--c1"}
     assert np.abs(world.place_of("c0", x) - world.truth("x"))[:2].max() < 0.8
 
 

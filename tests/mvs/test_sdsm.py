@@ -11,8 +11,10 @@ from onboard.messages import sdsm
 from onboard.messages.date_time import DateTime
 from onboard.messages.map_data import ReferencePoint
 from onboard.messages.sdsm import EquipmentType, ObjectType
+from onboard.mvs.received_footers import evidence_in
 from onboard.mvs.sdsm_coding import SIGMAS_IN_95_PERCENT, entries_in
 from onboard.mvs.settings import SharedIn
+from onboard.tracking.evidence import observer_of
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
 from tests.typed import a
 
@@ -39,7 +41,7 @@ def test_a_vehicle_without_radio_is_known_by_what_another_vehicle_shares(
     world.run(2.0)
 
     x = only(world.without_radio("b"))
-    assert {observer for observer, _ in x.provenance} == {world.car("a").id}
+    assert {observer_of(each) for each in x.provenance} == {world.car("a").id}
     assert np.abs(world.place_of("b", x) - world.truth("x"))[:2].max() < 1.5
     assert world.discarded("b") == []
 
@@ -80,7 +82,7 @@ def test_evidence_in_circles_is_used_once(shared_in: SharedIn) -> None:
         assert_lists_each_measurement_once(world)
     for k in range(4):
         x = only(world.without_radio(f"c{k}"))
-        assert {observer for observer, _ in x.provenance} == {car.id for car in world.with_radio}
+        assert {observer_of(each) for each in x.provenance} == {car.id for car in world.with_radio}
 
 
 def test_nothing_is_sent_again_and_nothing_without_own_measurements() -> None:
@@ -111,7 +113,7 @@ def test_a_road_side_unit_without_bsms_is_placed_by_its_message() -> None:
         b.receive_sdsm(
             replace(last_sdsm(world), source_id=b"unit", equipment=unit.equipment), world.t
         )
-    assert b"unit" in {observer for observer, _ in only(world.without_radio("b")).provenance}
+    assert b"unit" in {observer_of(each) for each in only(world.without_radio("b")).provenance}
 
 
 def test_a_sender_is_heard_at_twice_the_rate_of_bsms_at_most() -> None:
@@ -150,7 +152,8 @@ def test_only_vehicles_with_a_confidence_are_used() -> None:
     bound_m = car.common.confidence.position_m
     assert bound_m is not None
     sigma_m = bound_m / SIGMAS_IN_95_PERCENT
-    assert entries.entries.covariances[:2, :2, 0] == pytest.approx(np.eye(2) * sigma_m**2)
+    (piece,) = evidence_in(entries, entries.anchor)
+    assert piece.covariance == pytest.approx(np.eye(2) * sigma_m**2)
 
 
 def test_the_count_begins_anew_with_each_pseudonym() -> None:

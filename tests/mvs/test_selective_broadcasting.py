@@ -14,7 +14,7 @@ from onboard.mvs.selective_broadcasting import (
     random_selection,
 )
 from onboard.mvs.settings import Selection
-from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, measurement_id
 from onboard.tracking.fusion import fuse
 from onboard.tracking.independent_set import independent
 
@@ -22,7 +22,7 @@ RNG = np.random.default_rng(0)
 
 
 def measurement(car: int, observer: bytes, stamp_ms: int = 0) -> Measurement:
-    return Measurement(MeasurementId(observer, stamp_ms), np.array([100.0 * car, 0.0]), np.eye(2))
+    return Measurement(measurement_id(observer, stamp_ms), np.array([100.0 * car, 0.0]), np.eye(2))
 
 
 def candidate(car: int, observers: str, is_sensed: bool) -> Candidate:

@@ -9,7 +9,7 @@ import pytest
 from typing_extensions import override
 
 from onboard.mvs.evidence_to_send import EvidenceToSend
-from onboard.mvs.footer_coding import read
+from onboard.mvs.footer_reading import read
 from onboard.mvs.sent_evidence import SentEvidence
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import VehicleDetection

@@ -12,6 +12,7 @@ from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings, SensingSettings, SharedIn
 from onboard.observations import Position, VehicleDetection
+from onboard.tracking.evidence import measured_ms
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.typed import a
 
@@ -252,7 +253,7 @@ def assert_lists_each_measurement_once(world: World) -> None:
             assert len(used) == len(set(used)), name
         for known in world.without_radio(name):
             assert known.provenance
-            assert all(stamp_ms <= world.t * 1000 + 1 for _, stamp_ms in known.provenance)
+            assert all(measured_ms(each) <= world.t * 1000 + 1 for each in known.provenance)
 
 
 def only(known: list[PerceivedObject]) -> PerceivedObject:

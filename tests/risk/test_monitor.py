@@ -21,7 +21,7 @@ from onboard.risk.monitor import RiskMonitor
 from onboard.risk.raised_alarms import MOST_VEHICLES
 from onboard.risk.settings import RiskSettings
 from onboard.trace.trace_line import as_line
-from onboard.tracking.evidence import MeasurementId
+from onboard.tracking.evidence import measurement_id
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from tests.risk.lcca_warnings import lcca_warning
 from tests.typed import about
@@ -46,7 +46,7 @@ def known(
 ) -> PerceivedObject:
     rows = tuple(map(tuple, np.diag([sigma_m**2, sigma_m**2, 0.25, 0.25]).tolist()))
     provenance = (
-        frozenset({MeasurementId(b"seen", 1)}) if source is ObjectSource.SHARED else frozenset()
+        frozenset({measurement_id(b"seen", 1)}) if source is ObjectSource.SHARED else frozenset()
     )
     return PerceivedObject(now, name, source, state, rows, age_s, provenance)
 

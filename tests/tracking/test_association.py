@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from onboard.tracking.association import CERTAIN_M, FARTHEST_INSIDE_M2, compare
-from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId, as_arrays
+from onboard.tracking.evidence import Estimate, Evidence, Measurement, as_arrays, measurement_id
 from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gate, gates, with_speed_prior
 
 Q = 1.0
 
 
 def measured(x_m: float, y_m: float = 0.0, sigma_m: float = 1.0, stamp_ms: int = 0) -> Measurement:
-    identity = MeasurementId(b"abcd", stamp_ms)
+    identity = measurement_id(b"abcd", stamp_ms)
     return Measurement(identity, np.array([x_m, y_m]), np.eye(2) * sigma_m**2)
 
 
 def car(x_m: float, y_m: float = 0.0, vx_m_s: float = 0.0, sigma_m: float = 1.0) -> Estimate:
     covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
     return Estimate(
-        frozenset({MeasurementId(b"efgh", 0)}), np.array([x_m, y_m, vx_m_s, 0.0]), covariance
+        frozenset({measurement_id(b"efgh", 0)}), np.array([x_m, y_m, vx_m_s, 0.0]), covariance
     )
 
 

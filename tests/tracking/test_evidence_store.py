@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from onboard.tracking.evidence import Estimate, Measurement, MeasurementId, as_arrays
+from onboard.tracking.evidence import Estimate, Measurement, as_arrays, measurement_id
 from onboard.tracking.evidence_store import EvidenceStore
 
-PLACED = Measurement(MeasurementId(b"seer", 1000), np.array([3.0, 4.0]), np.diag([1.0, 2.0]))
+PLACED = Measurement(measurement_id(b"seer", 1000), np.array([3.0, 4.0]), np.diag([1.0, 2.0]))
 WHOLE = Estimate(
-    frozenset({MeasurementId(b"seer", 900), MeasurementId(b"seer", 950)}),
+    frozenset({measurement_id(b"seer", 900), measurement_id(b"seer", 950)}),
     np.array([1.0, 2.0, 3.0, 4.0]),
     np.diag([1.0, 2.0, 3.0, 4.0]),
 )
@@ -34,7 +34,7 @@ def test_what_is_put_is_found_again() -> None:
 def test_it_grows_and_keeps_what_is_wanted() -> None:
     store = EvidenceStore()
     for at in range(3000):
-        piece = Measurement(MeasurementId(b"seer", at), np.array([at, -at], float), np.eye(2))
+        piece = Measurement(measurement_id(b"seer", at), np.array([at, -at], float), np.eye(2))
         assert store.append(as_arrays([piece])) == at
     assert store.is_sparse(1000)
 

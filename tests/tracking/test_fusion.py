@@ -4,7 +4,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.tracking.evidence import Estimate, Evidence, Measurement, MeasurementId
+from onboard.tracking.evidence import (
+    Estimate,
+    Evidence,
+    Measurement,
+    measurement_id,
+    observers_and_times,
+)
 from onboard.tracking.fusion import fuse, propagate
 
 Q = 1.0
@@ -12,7 +18,7 @@ Q = 1.0
 
 def measurement(observer: str, stamp_ms: int, x_m: float, y_m: float = 0.0) -> Measurement:
     return Measurement(
-        MeasurementId(observer.encode(), stamp_ms), np.array([x_m, y_m]), np.eye(2) * 0.25
+        measurement_id(observer.encode(), stamp_ms), np.array([x_m, y_m]), np.eye(2) * 0.25
     )
 
 
@@ -127,4 +133,6 @@ def test_provenance_of_an_estimate_of_estimates_lists_the_measurements() -> None
     (second,) = fuse([[first, measurement("c", 200, 0.0)]], Q)
 
     assert isinstance(second, Estimate)
-    assert sorted(second.provenance) == [(b"a", 100), (b"b", 150), (b"c", 200)]
+    assert observers_and_times(second.provenance) == [
+        (b"\0\0\0a", 100), (b"\0\0\0b", 150), (b"\0\0\0c", 200)
+    ]  # fmt: skip

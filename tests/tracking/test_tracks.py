@@ -6,9 +6,10 @@ from onboard.tracking.evidence import (
     Estimate,
     Evidence,
     Measurement,
-    MeasurementId,
     ProvenanceSpans,
     as_arrays,
+    measurement_id,
+    observer_of,
 )
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.tracks import TrackingParameters, Tracks
@@ -17,12 +18,12 @@ A, B = b"aaaa", b"bbbb"
 
 
 def measured(x_m: float, y_m: float, stamp_ms: int, sigma_m: float, by: bytes = A) -> Measurement:
-    identity = MeasurementId(by, stamp_ms)
+    identity = measurement_id(by, stamp_ms)
     return Measurement(identity, np.array([x_m, y_m]), np.eye(2) * sigma_m**2)
 
 
 def estimated(x_m: float, y_m: float, *stamps_ms: int, by: bytes = A, sigma_m: float) -> Estimate:
-    provenance = frozenset(MeasurementId(by, stamp_ms) for stamp_ms in stamps_ms)
+    provenance = frozenset(measurement_id(by, stamp_ms) for stamp_ms in stamps_ms)
     covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
     return Estimate(provenance, np.array([x_m, y_m, 0.0, 0.0]), covariance)
 
@@ -116,7 +117,7 @@ def test_two_numbers_of_one_vehicle_are_merged() -> None:
 
     (track,) = tracks
     assert [kept for kept, _ in merged] == [track]
-    assert {observer for observer, _ in track.estimate.provenance} == {A, B}
+    assert {observer_of(each) for each in track.estimate.provenance} == {A, B}
 
 
 def test_two_vehicles_of_one_image_are_never_merged() -> None:

@@ -13,7 +13,7 @@ from onboard.misbehaviour.signer_credibility import MOST_ALARMS
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.security import p256
 from onboard.tools.test_ca.authority import make_trial
-from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.evidence import Measurement, measurement_id
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_world import (
     PLACE_SIGMA_M,
@@ -45,7 +45,7 @@ def crossings_that_alarm(sender: str, crossings: int) -> int:
         frame = LocalFrame(*placed(ahead_m, host.north_m + ahead_m))
         now_ms = round((UTC_S + now) * 1000)
         name = b"u" + int(number).to_bytes(3)
-        place = Measurement(MeasurementId(name, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2))
+        place = Measurement(measurement_id(name, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2))
         measured = MeasuredObject(int(number), place, np.array([-SPEED_M_S, 0.0]), 0.5)
         stands_at = placed(-20.0, (number + 1) * PASS_S * SPEED_M_S)
         unit = Sender(name, LocalFrame(*stands_at), 0.1)

@@ -37,7 +37,7 @@ from onboard.security.security_services import SecurityServices
 from onboard.settings import parse_settings
 from onboard.step import Input, ReceivedWsm
 from onboard.trace.trace_line import Event
-from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.evidence import Measurement, measurement_id
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.framing import RadioFraming, WaveFraming
 from onboard.vehicle.its_g5_framing import ItsG5Framing
@@ -151,7 +151,7 @@ class Signer:
     def footer(self, number: int, place_m: Place, now: float) -> bytes:
         """Return a footer with a vehicle without radio, as if measured now."""
         stamp_ms = round((self._utc_s + now) * 1000)
-        identity = MeasurementId(self.temporary_id, stamp_ms)
+        identity = measurement_id(self.temporary_id, stamp_ms)
         anchor = LocalFrame(*placed(*place_m))
         measured = Measurement(identity, np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2))
         data, _ = encode_within([(number, measured)], stamp_ms, anchor, anchor, FOOTER_BYTES)
@@ -162,7 +162,7 @@ class Signer:
         now_ms = round((self._utc_s + now) * 1000)
         here = LocalFrame(*placed(*place_m))
         measured = Measurement(
-            MeasurementId(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
+            measurement_id(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
         )
         self._sent += 1
         message = message_of(
@@ -179,7 +179,7 @@ class Signer:
         now_ms = round((self._utc_s + now) * 1000)
         here = LocalFrame(*placed(*place_m))
         measured = Measurement(
-            MeasurementId(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
+            measurement_id(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
         )
         each = SharedObject(number, measured, np.zeros(2), 1.0, is_sensed=True)
         sender = SharingSender(self.temporary_id, here, PLACE_SIGMA_M)

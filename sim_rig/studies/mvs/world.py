@@ -17,14 +17,14 @@ from onboard.messages import bsm, sdsm
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.sdsm import SensorDataSharingMessage
-from onboard.mvs.footer_coding import read
+from onboard.mvs.footer_reading import read
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.received_footers import SharedEntries
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import HardBrake, Position, Speed, VehicleDetection
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_state import HostState
-from onboard.tracking.evidence import Measurement, MeasurementId
+from onboard.tracking.evidence import Measurement, measurement_id
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from onboard.vehicle.shared_sensing import SharedSensing
 from sim_rig.roads.cars import Array, Cars, Traffic
@@ -267,7 +267,7 @@ class MvsWorld:
         measured = self._reference_hosts[car].measure(detection)
         assert not isinstance(measured, str)  # noqa: S101 (a core acts with a fix)
         stamp_ms = round((self.now + START_UTC_S) * 1000)
-        measurement = Measurement(MeasurementId(self.own_id(car), stamp_ms), *measured)
+        measurement = Measurement(measurement_id(self.own_id(car), stamp_ms), *measured)
         self.measurements.append(
             TrueMeasurement(other, measurement.mapped(*ORIGIN.mapping_from(self.frame_of(car))))
         )

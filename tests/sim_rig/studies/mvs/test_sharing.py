@@ -9,7 +9,7 @@ import pytest
 
 from onboard.errors import UserError
 from onboard.mvs.settings import Selection
-from onboard.tracking.evidence import Estimate, MeasurementId
+from onboard.tracking.evidence import Estimate, measurement_id
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
 from sim_rig.studies.mvs import mvs_figure8_study, mvs_table1_study
@@ -23,7 +23,7 @@ SMALL = SharingSettings(
 
 
 def estimate(*stamps_ms: int) -> Estimate:
-    provenance = frozenset(MeasurementId(b"abcd", stamp_ms) for stamp_ms in stamps_ms)
+    provenance = frozenset(measurement_id(b"abcd", stamp_ms) for stamp_ms in stamps_ms)
     return Estimate(provenance, np.zeros(4), np.eye(4))
 
 

@@ -1,0 +1,129 @@
+"""Footers read into arrays are those that their declaration decodes, valid and invalid ones."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.errors import DecodeError
+from onboard.messages import mvs_footer
+from onboard.messages.mvs_footer import MvsFooter, ObserverRun, SharedEstimate
+from onboard.mvs import footer_reading
+from onboard.mvs.footer_coding import from_correlations
+from onboard.tracking.evidence import measurement_id
+from tests.messages.strategies import records
+
+OBSERVERS = (b"1111", b"2222", b"\xff\xff\xff\xff")
+REFERENCE_MS = 1_790_000_000_000
+
+runs = st.lists(records(mvs_footer.RUN), min_size=1, max_size=4, unique_by=lambda run: run.observer)
+
+
+@st.composite
+def footers(draw: st.DrawFn) -> bytes:
+    """Encoded footers, most of them valid."""
+    measurements = draw(st.lists(records(mvs_footer.MEASUREMENT), max_size=3))
+    estimates = [
+        SharedEstimate(
+            dataclasses.replace(state, runs=len(named)),
+            tuple(
+                ObserverRun(at % len(OBSERVERS), tuple(sorted(set(run.ages_ms))))
+                for at, run in enumerate(named)
+            ),
+        )
+        for state, named in draw(st.lists(st.tuples(records(mvs_footer.STATE), runs), max_size=3))
+    ]
+    measurements = [
+        dataclasses.replace(each, observer=each.observer % len(OBSERVERS)) for each in measurements
+    ]
+    return mvs_footer.encode(
+        MvsFooter(REFERENCE_MS, 48.1, 11.5, OBSERVERS, tuple(measurements), tuple(estimates))
+    )
+
+
+def refusal(read: Callable[[bytes], object], data: bytes) -> str:
+    try:
+        read(data)
+    except DecodeError as error:
+        return str(error)
+    return ""
+
+
+def mutated(data: bytes, at: int, change: str, octet: int) -> bytes:
+    at %= len(data)
+    match change:
+        case "octet":
+            return data[:at] + bytes([octet]) + data[at + 1 :]
+        case "bit":
+            return data[:at] + bytes([data[at] ^ 1 << octet % 8]) + data[at + 1 :]
+        case "cut":
+            return data[:at]
+        case "insertion":
+            return data[:at] + bytes([octet]) + data[at:]
+        case _:
+            return data
+
+
+@given(
+    footers(),
+    st.sampled_from(("none", "octet", "bit", "cut", "insertion")),
+    st.integers(0, 400),
+    st.integers(0, 255),
+)
+def test_reading_gives_what_the_declaration_gives(
+    data: bytes, change: str, at: int, octet: int
+) -> None:
+    data = mutated(data, at, change, octet)
+    assert refusal(footer_reading.read, data) == refusal(mvs_footer.decode, data)
+    if refusal(mvs_footer.decode, data):
+        return
+
+    declared, came = mvs_footer.decode(data), footer_reading.read(data)
+
+    measured, estimated = declared.measurements, declared.estimates
+    assert (came.anchor.latitude_deg, came.anchor.longitude_deg) == (
+        declared.latitude_deg,
+        declared.longitude_deg,
+    )
+    assert came.observers == frozenset(declared.observers)
+    assert [*came.numbers] == [e.car for e in (*measured, *(each.state for each in estimated))]
+    assert came.has_speed.tolist() == [0.0] * len(measured) + [1.0] * len(estimated)
+
+    def identity(observer: int, age_ms: int) -> int:
+        return measurement_id(declared.observers[observer], declared.reference_ms - age_ms)
+
+    assert [*came.provenances] == [
+        *({identity(each.observer, each.age_ms)} for each in measured),
+        *(
+            {identity(run.observer, age_ms) for run in each.provenance for age_ms in run.ages_ms}
+            for each in estimated
+        ),
+    ]
+    stated = [dataclasses.astuple(each.state) for each in estimated]
+    assert came.states.tolist() == [
+        *([each.east_m, each.north_m, 0.0, 0.0] for each in measured),
+        *(list(state[1:5]) for state in stated),
+    ]
+    for each, covariance in zip(measured, came.covariances, strict=False):
+        sigmas, correlation = [[each.sigma_east_m, each.sigma_north_m]], [[each.correlation]]
+        (expected,) = from_correlations(np.array(sigmas), np.array(correlation))
+        assert (covariance[:2, :2] == expected).all()
+        assert not covariance[2:].any()
+    for state, covariance in zip(stated, came.covariances[len(measured) :], strict=True):
+        (expected,) = from_correlations(np.array([state[5:9]]), np.array([state[9:15]]))
+        np.testing.assert_allclose(covariance, expected, rtol=1e-12)
+
+
+@given(st.binary(max_size=60), st.binary(max_size=300))
+def test_any_bytes_are_read_or_refused_as_by_the_declaration(header: bytes, rest: bytes) -> None:
+    for data in (header, bytes([mvs_footer.VERSION]) + header, footer_of_counts(header) + rest):
+        assert refusal(footer_reading.read, data) == refusal(mvs_footer.decode, data)
+
+
+def footer_of_counts(counts: bytes) -> bytes:
+    """Header with small numbers of observers, measurements and estimates."""
+    whole = mvs_footer.encode(MvsFooter(REFERENCE_MS, 48.1, 11.5, (), (), ()))
+    small = [octet % 4 for octet in (counts + bytes(3))[:3]]
+    return whole[: mvs_footer.HEADER.size_bytes - 3] + bytes(small)
