@@ -5,7 +5,7 @@ Without a position there is no MVS: nothing is measured, used or sent.
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -50,13 +50,14 @@ from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.fusion import propagate
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.track import Track
-from onboard.tracking.tracks import DEFAULTS, TrackingParameters, Tracks
+from onboard.tracking.tracks import DEFAULTS, TRACKS_AT_ONCE, TrackingParameters, Tracks
 
 UPDATE_S = 0.05
 """Tracks are updated no more often than this; bounds computing time."""
 
 _MAX_WAITING_FOOTERS = 256
 """Footers that wait for the next update; with more, they are processed at once."""
+_COMPLETE = object()
 _UTC_STEP_S = 0.1
 """A larger change of UTC is a correction and no drift: vehicles move 3 m in that time."""
 
@@ -117,6 +118,8 @@ class MultiVehicleSensing(Core):
         )
         self._updated_ms: int | None = None
         """When the tracks were last updated, UTC."""
+        self._slices: Iterator[None] | None = None
+        """What is left of an update that has begun."""
         self._events: deque[Discarded] = deque(maxlen=1024)
 
     @property
@@ -137,7 +140,7 @@ class MultiVehicleSensing(Core):
                 tracks.clear()
             self._own_stamps_ms.clear()
             self._evidence_to_send.restart()
-            self._updated_ms = None
+            self._updated_ms = self._slices = None
         self._utc_offset_s = utc_offset_s
 
     # ---- in -------------------------------------------------------------------------------
@@ -240,15 +243,43 @@ class MultiVehicleSensing(Core):
 
     def update(self, now: float) -> None:
         """Process what has arrived, and update the tracks if the last update is `UPDATE_S` ago."""
+        self._finish_update()
+        while not self.update_slice(now):
+            pass
+
+    def update_slice(self, now: float) -> bool:
+        """Do the next part of `update`, beginning at `now` if none has begun.
+
+        So a warning that arrives in a dense place is handled between two parts. What is received
+        in between is processed by the next update.
+
+        Returns:
+            whether the update is complete.
+        """
+        if self._slices is None:
+            self._slices = self._update_in_slices(now)
+        if next(self._slices, _COMPLETE) is _COMPLETE:
+            self._slices = None
+        return self._slices is None
+
+    def _finish_update(self) -> None:
+        for _ in self._slices or ():
+            pass
+        self._slices = None
+
+    def _update_in_slices(self, now: float) -> Iterator[None]:
         if not self.has_position(now):
             return
         self._process(now)
         now_ms = self._utc_ms(now)
         if self._updated_ms is not None and 0 <= now_ms - self._updated_ms < round(UPDATE_S * 1000):
             return  # below 0, UTC was set back: updates go on at once
+        are_many = len(self._tracks) > TRACKS_AT_ONCE
+        if are_many:
+            yield
         self._remote_vehicles.drop_silent(now)
         self._road_side_units.drop_silent(now)
-        self._tracks.update(now_ms)
+        yield from self._tracks.update_in_slices(now_ms)
         for kept, merged in self._tracks.merged:
             self._evidence_to_send.sent.merge(kept, merged)
         reported = {self.own_id: self._own_state()}
@@ -259,6 +290,8 @@ class MultiVehicleSensing(Core):
             self._sensed_tracks.update(now_ms)
             self._sensed_tracks.match_remote_vehicles([self.own_id], states[:1], now_ms)
         self._updated_ms = now_ms
+        if are_many:
+            yield
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -439,6 +472,7 @@ class MultiVehicleSensing(Core):
             sender_m = remote.reported.state[:2]
             self._received.append(ReceivedFooter(footer, sender_id, sender_m, now))
         if len(self._received) >= _MAX_WAITING_FOOTERS:
+            self._finish_update()
             self._process(now)
         return None
 

@@ -1,7 +1,8 @@
 """`onboard schema`: the JSON schema of the lines of the trace and of the live interface."""
 
 import json
-from typing import Any
+from dataclasses import fields
+from typing import Any, get_type_hints
 
 import typer
 from pydantic import TypeAdapter
@@ -83,6 +84,7 @@ def schema_of(events: tuple[type[Event], ...] = TRACED) -> dict[str, Any]:
             mode="serialization", schema_generator=_TraceSchema, ref_template=template
         )
         definitions |= one.pop("$defs", {})
+        one["properties"] |= _traced_otherwise(event)
         shown = {name: one["properties"][name] for name in traced_fields(event)}
         one["properties"] = {"kind": {"const": event.kind}, "traced_s": {"type": "number"}, **shown}
         one["required"] = ["kind", "traced_s", *shown]
@@ -92,6 +94,17 @@ def schema_of(events: tuple[type[Event], ...] = TRACED) -> dict[str, Any]:
         "title": f"onboard, version {VERSION}",
         "oneOf": [{"$ref": f"#/$defs/{event.kind}"} for event in events],
         "$defs": definitions,
+    }
+
+
+def _traced_otherwise(event: type) -> dict[str, Any]:
+    """Return the schemas of the fields that a trace has as `traced_as` makes them."""
+    return {
+        each.name: TypeAdapter[Any](
+            get_type_hints(each.metadata["traced_as"])["return"]
+        ).json_schema(mode="serialization", schema_generator=_TraceSchema)
+        for each in fields(event)
+        if "traced_as" in each.metadata
     }
 
 

@@ -34,20 +34,19 @@ def fuse(evidence_of_vehicles: Sequence[Sequence[Evidence]], q: float) -> list[E
     return _as_estimates(evidence_of_vehicles, _filtered(as_arrays(pieces), counts, q))
 
 
-def choose_and_fuse(tracks: Sequence[Track], store: EvidenceStore, now_ms: int, q: float) -> None:
-    """Choose the evidence of each track anew, and fuse what has changed.
+def fuse_chosen(changed: Sequence[Track], store: EvidenceStore, now_ms: int, q: float) -> None:
+    """Fuse the evidence of the tracks whose choice has changed.
 
     An estimate by another vehicle that contains the host's own measurements should be at least as
     certain as these alone. If such estimates leave the vehicle less certain, in position or speed,
     the evidence that repeats own measurements is left out.
 
     Args:
-        tracks: all of them.
+        changed: tracks that have chosen their evidence anew.
         store: has the numbers of their evidence.
         now_ms: UTC.
         q: spectral density of the acceleration noise, m^2/s^3.
     """
-    changed = [track for track in tracks if track.choose_evidence()]
     own = [track.choice_without_repeats() for track in changed]
     repeated = [at for at, pieces in enumerate(own) if pieces]
     choices = [track.chosen for track in changed] + [own[at] for at in repeated]

@@ -30,7 +30,7 @@ from onboard.tracking.evidence_store import (
     Label,
     StoredEvidence,
 )
-from onboard.tracking.fusion import choose_and_fuse
+from onboard.tracking.fusion import fuse_chosen
 from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gates, with_speed_prior
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
@@ -66,6 +66,9 @@ _BSM_PREDICTION_MS = 500
 _ENTRIES_AT_ONCE = 64
 """Entries that are compared with all tracks together: enough for arrays to pay, few enough to bound
 the work that a hostile sender causes."""
+
+TRACKS_AT_ONCE = 32
+"""Tracks whose evidence is chosen in one slice of an update."""
 
 _ReportId = tuple[bytes, int]
 """Sender and time of receipt of a report, the entries of one footer or image."""
@@ -131,6 +134,14 @@ class Tracks:
 
     def update(self, now_ms: int) -> None:
         """Drop old evidence, choose and fuse that of each track, confirm and merge tracks."""
+        for _ in self.update_in_slices(now_ms):
+            pass
+
+    def update_in_slices(self, now_ms: int) -> Iterator[None]:
+        """Do what `update` does in slices, one if there are few tracks.
+
+        Between two of them the tracks may be read and mapped into another frame.
+        """
         parameters, q = self._parameters, self._parameters.acceleration_density
         memory_ms, unseen_ms = round(parameters.memory_s * 1000), round(parameters.unseen_s * 1000)
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
@@ -138,7 +149,16 @@ class Tracks:
             track.drop_old(now_ms - memory_ms)
         # An estimate expires with its oldest measurement: a track can lose all before `unseen_s`.
         self._tracks = [track for track in self._tracks if track.stored]
-        choose_and_fuse(self._tracks, self._store, now_ms, q)
+        tracks = self._tracks.copy()
+        changed: list[Track] = []
+        for first in range(0, len(tracks), TRACKS_AT_ONCE):
+            some = tracks[first : first + TRACKS_AT_ONCE]
+            changed += [track for track in some if track.choose_evidence()]
+            if len(tracks) > TRACKS_AT_ONCE:
+                yield
+        fuse_chosen(changed, self._store, now_ms, q)
+        if len(tracks) > TRACKS_AT_ONCE:
+            yield
         for track in self._tracks:
             track.settle(now_ms - SETTLED_MS)
             track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS

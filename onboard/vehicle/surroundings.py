@@ -44,7 +44,7 @@ class Surroundings:
         self._claims = claims
         self._risk = risk
         self._identification = identification
-        self._assess_at = self._report_at = now
+        self._assess_at = self._next_at = self._report_at = now
         self.host_vehicle: PerceivedObject | None = None
         """At the last assessment; `None` without a position."""
         self.objects: list[PerceivedObject] = []
@@ -55,14 +55,19 @@ class Surroundings:
         return self._assess_at
 
     def assess(self, now: float) -> Sequence[PerceivedObject]:
-        """Assess the risk from the present states of all vehicles.
+        """Do the next slice: of the update of the tracks, or the assessment of the risk after it.
+
+        The timer stays due until the risk is assessed.
 
         Returns:
             Those to report now: the host vehicle and the others, or none.
         """
-        self._assess_at = now + ASSESSMENT_INTERVAL_S
+        if self._next_at <= self._assess_at:
+            self._next_at = now + ASSESSMENT_INTERVAL_S
         mvs = self._mvs
-        mvs.update(now)
+        if not mvs.update_slice(now):
+            return ()
+        self._assess_at = self._next_at
         self.host_vehicle, self.objects = mvs.host_vehicle(now), mvs.kinematic_info(now)
         self._intersections.receive_host_vehicle(self.host_vehicle, mvs.frame, now)
         alarming = self.objects

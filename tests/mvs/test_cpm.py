@@ -21,7 +21,7 @@ from onboard.messages.its_common import ReferencePosition
 from onboard.messages.mvs_footer import ObserverRun
 from onboard.mvs.cpm_coding import BOUND_SIGMAS, entries_in
 from onboard.mvs.sent_evidence import SentOfTrack
-from onboard.tracking.evidence import Estimate, observer_of
+from onboard.tracking.evidence import Estimate, measured_ms, observer_of
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
 
 UTC_S = 1_790_000_000.0
@@ -139,14 +139,13 @@ def test_a_message_of_another_make_is_a_measurement_of_its_sender_and_counts_onc
     b, message = world.mvs["b"], last_cpm(world)
     (each,) = message.perceived.objects
     entries = entries_in(plain(message))
-    identity = message.station_id, round(world.t * 1000)
-    ((observer, stamp_ms),) = entries.provenances[0]
-    assert observer == identity[0]
-    assert 0 <= identity[1] - stamp_ms < 1000
-    assert not entries.entries.has_speed.any()
+    (identity,) = entries.provenances[0]
+    assert observer_of(identity) == message.station_id
+    assert 0 <= round(world.t * 1000) - measured_ms(identity) < 1000
+    assert not entries.has_speed.any()
     bounds_m = each.position.east.confidence_m, each.position.north.confidence_m
     sigma_m = math.hypot(*(bound_m or 0.0 for bound_m in bounds_m)) / BOUND_SIGMAS
-    assert entries.entries.covariances[:2, :2, 0] == pytest.approx(np.eye(2) * sigma_m**2)
+    assert entries.covariances[0, :2, :2] == pytest.approx(np.eye(2) * sigma_m**2)
 
     before = only(world.without_radio("b"))
     b.receive_cpm(message, world.t)

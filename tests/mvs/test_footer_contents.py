@@ -1,5 +1,7 @@
 """What goes into the footers of several cars: how much, how often, and of whom."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -88,7 +90,7 @@ def test_what_comes_back_from_others_is_not_sent_again() -> None:
 def test_two_cars_alive_never_go_by_one_number_on_the_wire() -> None:
     """A number has 8 bits there: of cars 1 and 257 the receiver never knew either."""
     mvs = MultiVehicleSensing(EXACT, b"-own", np.random.default_rng(0))
-    sent: list[tuple[int, ...]] = []
+    sent: list[Sequence[int]] = []
     for k in range(12):
         at = 1000.0 + k / 10
         mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))

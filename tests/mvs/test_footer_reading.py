@@ -88,7 +88,8 @@ def test_reading_gives_what_the_declaration_gives(
         declared.longitude_deg,
     )
     assert came.observers == frozenset(declared.observers)
-    assert [*came.numbers] == [e.car for e in (*measured, *(each.state for each in estimated))]
+    cars = [each.car for each in measured] + [each.state.car for each in estimated]
+    assert [*came.numbers] == cars
     assert came.has_speed.tolist() == [0.0] * len(measured) + [1.0] * len(estimated)
 
     def identity(observer: int, age_ms: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.kinematics.arrays import Array
 from onboard.mvs.settings import MvsSettings, SensingSettings
-from onboard.tracking.evidence import Measurement
+from onboard.tracking.evidence import Measurement, observer_of
 from onboard.tracking.tracks import TrackingParameters
 from sim_rig.roads.cars import Cars
 from sim_rig.studies.mvs.methods import covariance_intersection, use_all
@@ -196,7 +196,7 @@ def _compare_tracks(
         seen = [
             piece
             for piece in evidence
-            if isinstance(piece, Measurement) and piece.id.observer == own_id
+            if isinstance(piece, Measurement) and observer_of(piece.id) == own_id
         ]
         if len(seen) >= CONFIRMED_BY:
             by_method[OWN] = use_all(seen, now_ms, Q)
