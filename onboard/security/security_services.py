@@ -19,7 +19,7 @@ from onboard.security.rejection import NotTrusted, RejectionReason
 from onboard.security.replay_window import ReplayWindow
 from onboard.security.secured_crl import trust_store
 from onboard.security.trust import Trusted, TrustStore
-from onboard.wave_udp.psid import AWARENESS, BSM, SIGNALS
+from onboard.wave_udp.psid import AWARENESS, BSM, CPM, SIGNALS
 
 __all__ = ["NotTrusted", "Opened", "RejectionReason", "SecurityServices"]
 
@@ -202,6 +202,8 @@ class SecurityServices:
         return generation
 
     def _attaches_certificate(self, psid: int, now: float) -> bool:
+        if psid == CPM:  # of use only beside the sender's CAMs, which have it
+            return False
         if psid in AWARENESS and now < self._certificate_due_at:
             return False
         self._certificate_due_at = now + self._certificate_interval_s

@@ -26,6 +26,7 @@ from onboard.messages.its_common import ReferencePosition
 from onboard.observations import HardBrake, Position, Sensor
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
+from onboard.security.security_services import SecurityServices
 from onboard.settings import SettingsError, parse_settings
 from onboard.step import ReceivedWsm
 from onboard.tools.test_ca.authority import make_trial
@@ -153,6 +154,22 @@ def test_certificates_are_attached_once_a_second_and_to_group_messages() -> None
     assert len(with_certificate) in {5, 6}
     assert len(cams) >= 15
     assert [each for each in driven.on_air if _port(each) != 2001] == []
+
+
+def test_cpms_carry_no_certificate_and_leave_it_to_the_cams() -> None:
+    security = SecurityServices(UTC_S, TRIAL["AAA1"], certificate_interval_s=1.0, distributes=False)
+    sent = [
+        security.secure(b"", service, now)
+        for service, now in (
+            (psid.CPM, 0.1),
+            (psid.CAM, 0.2),
+            (psid.CPM, 1.1),
+            (psid.CAM, 1.25),
+            (psid.CAM, 1.3),
+        )
+    ]
+    has_certificate = [ieee1609dot2.certificate_in(each) is not None for each in sent]
+    assert has_certificate == [False, True, False, True, False]
 
 
 def _port(frame: bytes) -> int | None:
