@@ -20,9 +20,9 @@ from onboard.messages.lcca import CarId, LeaveReason, Reply
 _NEVER = float("-inf")
 _SEQUENCES = 1 << 16
 _MAX_DOUBLINGS = 16
-_LAG_S = 0.15
+_LAG_S = 0.25
 """By which a vehicle behind the first follower refreshes later: the reply to its predecessor, which
-tells it to join, comes before that."""
+tells it to join, comes before that, also if it is lost once."""
 
 
 class Membership:
@@ -100,7 +100,9 @@ class Membership:
         self._join_at, self._refresh_by = now, _NEVER
 
     def receive_predecessor_reply(self, now: float, *, moved: bool, newer: bool) -> None:
-        """Take a reply to the predecessor: refresh soon if its position changed.
+        """Take a reply to the predecessor: refresh at once if it moves by it, soon if it has news.
+
+        If the predecessor has lost the reply, it has the news only after `retry_s`.
 
         Args:
             now: seconds on the cores' clock.
@@ -109,8 +111,10 @@ class Membership:
         """
         has_bsms = now < self._bsm_at + self._parameters.refresh_s
         usual_s = self._parameters.bsm_refresh_s if has_bsms else self._parameters.refresh_s
-        if moved or (newer and now - self._sequence_at >= usual_s / 2):
+        if moved:
             self.join_soon(now)
+        elif newer and now - self._sequence_at >= usual_s / 2:
+            self.join_soon(now + self._parameters.retry_s)
 
     def receive_bsm(self, car_id: CarId, now: float) -> None:
         """Take that a BSM of this vehicle has arrived: the predecessor's put the refresh off."""

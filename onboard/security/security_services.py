@@ -29,7 +29,7 @@ CLOCK_TOLERANCE_S = 2.0
 """How far a sender's clock may be ahead of the host vehicle's. Ours."""
 CERTIFICATE_INTERVAL_S = 0.45
 """Longest time between BSMs that carry the certificate instead of its digest: vCertAttachInterval
-of SAE J2945/1. Group messages always carry it: a warning cannot wait for the next certificate."""
+of SAE J2945/1."""
 
 _MAX_VERIFIED_SIGNERS = 1024
 """More vehicles than are in radio range on any road."""
@@ -164,6 +164,7 @@ class SecurityServices:
         *,
         expires_in_s: float | None = None,
         location: ieee1609dot2.Location | None = None,
+        may_wait: bool = False,
     ) -> bytes:
         """Return `payload` as Ieee1609Dot2Data, signed if there are credentials.
 
@@ -173,6 +174,8 @@ class SecurityServices:
             now: generation time.
             expires_in_s: sets the expiry time in the header.
             location: sets the generation location in the header.
+            may_wait: whether receivers that lack the certificate may wait until it is due again: a
+                digest suffices until then, as it does in BSMs.
         """
         if self._credential is None:
             return ieee1609dot2.encode_unsecured(payload)
@@ -186,7 +189,9 @@ class SecurityServices:
         digest = p256.digest_to_sign(to_be_signed, certificate.digest)
         return ieee1609dot2.encode_signed(
             to_be_signed,
-            certificate if self._attaches_certificate(psid, now) else certificate.hashed_id8,
+            certificate
+            if self._attaches_certificate(psid, now, may_wait=may_wait)
+            else certificate.hashed_id8,
             p256.sign(self._credential.key, digest),
         )
 
@@ -201,10 +206,10 @@ class SecurityServices:
         self._last_generation = generation
         return generation
 
-    def _attaches_certificate(self, psid: int, now: float) -> bool:
+    def _attaches_certificate(self, psid: int, now: float, *, may_wait: bool) -> bool:
         if psid == CPM:  # of use only beside the sender's CAMs, which have it
             return False
-        if psid in AWARENESS and now < self._certificate_due_at:
+        if (may_wait or psid in AWARENESS) and now < self._certificate_due_at:
             return False
         self._certificate_due_at = now + self._certificate_interval_s
         return True

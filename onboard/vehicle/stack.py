@@ -342,7 +342,14 @@ class Stack:
 
     def _submit_lcca(self, message: lcca.LccaMessage, now: float) -> None:
         data, priority = self._lcca_link.encode(message), message.user_priority
-        size_bytes = self._link.submit(data, self._config.lcca_psid, priority, LCCA_LIFETIME_S, now)
+        size_bytes = self._link.submit(
+            data,
+            self._config.lcca_psid,
+            priority,
+            LCCA_LIFETIME_S,
+            now,
+            may_wait=isinstance(message, lcca.Join | lcca.Reply),
+        )
         self._vehicle.put_out(
             MessageSent(now, message.kind, priority, size_bytes, lcca.as_dict(message))
         )

@@ -39,7 +39,14 @@ class WaveLink(Core):
         self._discarded: deque[Discarded] = deque()
 
     def submit(
-        self, payload: bytes, psid: int, user_priority: int, lifetime_s: float, now: float
+        self,
+        payload: bytes,
+        psid: int,
+        user_priority: int,
+        lifetime_s: float,
+        now: float,
+        *,
+        may_wait: bool = False,
     ) -> int:
         """Secure and queue a message.
 
@@ -49,6 +56,7 @@ class WaveLink(Core):
             user_priority: 0 to 7.
             lifetime_s: time after which it is dropped if it could not be sent.
             now: the present time.
+            may_wait: for the certificate of its signer; see `SecurityServices.secure`.
 
         Returns:
             size of the whole frame in bytes.
@@ -56,7 +64,9 @@ class WaveLink(Core):
         utc_s = self._security.utc_s(now)
         signed_part = self._framing.signed_part(payload, psid, user_priority, now, utc_s)
         location = self._framing.location(psid, now)
-        secured = self._security.secure(signed_part, psid, now, location=location)
+        secured = self._security.secure(
+            signed_part, psid, now, location=location, may_wait=may_wait
+        )
         wsm = self._framing.frame(psid, secured)
         self._queue.put(wsm, user_priority, now + lifetime_s, now)
         return len(wsm)

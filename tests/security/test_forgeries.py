@@ -128,6 +128,14 @@ def test_the_host_vehicles_own_message_is_refused_as_an_echo(alice: SecurityServ
     assert refused(alice, by_digest, BSM, now=0.1) == "own_echo"
 
 
+def test_what_may_wait_carries_the_certificate_as_rarely_as_bsms(alice: SecurityServices) -> None:
+    carried = [
+        ieee1609dot2.certificate_in(alice.secure(WARN, LCCA, now, may_wait=may_wait)) is not None
+        for now, may_wait in ((0.0, True), (0.1, True), (0.2, False), (0.5, True), (0.7, True))
+    ]
+    assert carried == [True, False, True, False, True]
+
+
 # ---- time ---------------------------------------------------------------------------------------
 
 
