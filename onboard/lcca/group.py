@@ -94,6 +94,7 @@ class WarningGroup(Core):
         self._refused_warnings = RefusedWarnings(parameters.event_lifetime_s)
         self._event_sequence = int(rng.integers(_SEQUENCES))
         self._to_acknowledge: deque[EventId] = deque(maxlen=_MAX_ACKNOWLEDGEMENTS)
+        self._to_answer: list[Join] = []
         self._outbox: list[GroupMessage] = []
         self._events: deque[GroupEvents] = deque()
 
@@ -215,9 +216,11 @@ class WarningGroup(Core):
         if self._followers.receive_bsm(car_id, now):
             self._apply_event(GroupEvent.UNFOLLOWED, "expired", now)
 
-    def messages_to_send(self, now: float) -> list[GroupMessage]:  # noqa: ARG002 (the verb of all cores)
+    def messages_to_send(self, now: float) -> list[GroupMessage]:
         """Return the messages to send, the most urgent first, and clear the outbox."""
-        out = sorted(self._outbox, key=lambda message: -message.user_priority)
+        replies = [self._reply(join, now) for join in self._to_answer]
+        out = sorted([*self._outbox, *replies], key=lambda message: -message.user_priority)
+        self._to_answer.clear()
         self._outbox.clear()
         return out
 
@@ -349,15 +352,17 @@ class WarningGroup(Core):
             self._discard("loop", join, now)
         elif self._followers.receive_join(join.sender_id, now):
             self._apply_event(GroupEvent.FOLLOWED, "join", now)
-        self._outbox.append(
-            Reply(
-                *self._position.header,
-                to_id=join.sender_id,
-                sequence=join.sequence,
-                leader_sequence=self._position.next_leader_sequence(),
-                speed_m_s=self._lead_monitor.speed_at(now),
-                next_leader_id=self._adjacent_ids.next_of(self._position.leader_id),
-            )
+        self._to_answer.append(join)
+
+    def _reply(self, join: Join, now: float) -> Reply:
+        """Answer a join with the position at the time of sending, as an update before it has it."""
+        return Reply(
+            *self._position.header,
+            to_id=join.sender_id,
+            sequence=join.sequence,
+            leader_sequence=self._position.next_leader_sequence(),
+            speed_m_s=self._lead_monitor.speed_at(now),
+            next_leader_id=self._adjacent_ids.next_of(self._position.leader_id),
         )
 
     def _receive_leave(self, leave: Leave, now: float) -> None:

@@ -134,6 +134,17 @@ def test_reading_the_own_plate_sends_no_join() -> None:
     assert car.says(0.0) == []
 
 
+def test_a_reply_names_the_position_at_its_sending() -> None:
+    """Else it would undo the update that is sent before it, until the next refresh."""
+    car = OneCar()
+    car.sees(A, 0.0)
+    join = car.asks(0.0)
+    assert car.hears(Join(C, C, 1, B, 1, NO_ID, 0), 0.0) == ["followed"]
+    assert car.hears(answer(join), 0.0) == ["joined"]
+    replies = [message for message in car.says(0.0) if isinstance(message, Reply)]
+    assert [(reply.leader_id, reply.number) for reply in replies] == [(A, 2)]
+
+
 # Answers that are not believed
 
 

@@ -53,6 +53,7 @@ from sim_rig.studies.attacks.group_attacks import (
     group_levels,
 )
 from sim_rig.studies.attacks.impostures import Framing, Hijack, Imposture, Oracle
+from sim_rig.studies.attacks.kept_memberships import BsmsOnly, ForgedLeaves
 
 START_UTC_S = 1_790_000_000.0
 PASS_S = 6.0
@@ -96,6 +97,8 @@ class AttackKind(StrEnum):
     REPLIES = "replies to the joins of others"
     ANSWERS = "BSMs from there under the leader's temporary ID, plates badly read"
     NEXT_LEADER = "a leader whose next ID is that of a member"
+    LEAVES = "leaves in the followers' names"
+    BSMS_ONLY = "a lead that sends BSMs and hardly a reply"
     OTHER_EPOCHS = "brakings under IDs of other epochs"
     STATEMENTS = "256 statements of brakings at each of the leader's"
     NONE_IN_GROUP = "none"
@@ -394,6 +397,8 @@ IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.REPLIES: ForgedReplies,
     AttackKind.ANSWERS: ForgedAnswers,
     AttackKind.NEXT_LEADER: NextLeader,
+    AttackKind.LEAVES: ForgedLeaves,
+    AttackKind.BSMS_ONLY: BsmsOnly,
     AttackKind.OTHER_EPOCHS: OtherEpochs,
     AttackKind.STATEMENTS: StatementFlood,
     AttackKind.TESTS: ForgedTests,
