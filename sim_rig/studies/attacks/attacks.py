@@ -53,7 +53,7 @@ from sim_rig.studies.attacks.group_attacks import (
     group_levels,
 )
 from sim_rig.studies.attacks.impostures import Framing, Hijack, Imposture, Oracle
-from sim_rig.studies.attacks.kept_memberships import BsmsOnly, ForgedLeaves
+from sim_rig.studies.attacks.kept_memberships import ForgedLeaves
 
 START_UTC_S = 1_790_000_000.0
 PASS_S = 6.0
@@ -97,8 +97,6 @@ class AttackKind(StrEnum):
     REPLIES = "replies to the joins of others"
     ANSWERS = "BSMs from there under the leader's temporary ID, plates badly read"
     NEXT_LEADER = "a leader whose next ID is that of a member"
-    LEAVES = "leaves in the followers' names"
-    BSMS_ONLY = "a lead that sends BSMs and hardly a reply"
     OTHER_EPOCHS = "brakings under IDs of other epochs"
     STATEMENTS = "256 statements of brakings at each of the leader's"
     NONE_IN_GROUP = "none"
@@ -118,6 +116,7 @@ class AttackKind(StrEnum):
     CPM = "crossing vehicle, by CPM"
     DENM = "vehicle ahead that brakes hard, by DENM"
     SPATEM = "red lights for true vehicles, by MAPEM and SPATEM"
+    LEAVES = "leaves in the followers' names"
 
 
 Claims = Callable[[AttackedHost, Signer, int, float], Iterator[bytes]]
@@ -398,7 +397,6 @@ IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.ANSWERS: ForgedAnswers,
     AttackKind.NEXT_LEADER: NextLeader,
     AttackKind.LEAVES: ForgedLeaves,
-    AttackKind.BSMS_ONLY: BsmsOnly,
     AttackKind.OTHER_EPOCHS: OtherEpochs,
     AttackKind.STATEMENTS: StatementFlood,
     AttackKind.TESTS: ForgedTests,

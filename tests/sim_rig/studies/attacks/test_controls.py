@@ -12,6 +12,7 @@ from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.errors import DecodeError
 from onboard.lcca import acceptance, asking, group, identification, identity_posterior
 from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
+from onboard.lcca.followers import Followers
 from onboard.lcca.membership import Membership
 from onboard.messages import lcca
 from onboard.messages.lcca import LccaMessage, Warn
@@ -92,6 +93,18 @@ def _by_all(response: RiskResponse, now: float) -> None:
         response.brake_requester.assess(alarms, alarms, now)
 
 
+def _as_reply(membership: Membership, car_id: bytes, now: float) -> None:
+    """Take each BSM of the predecessor for a reply."""
+    if car_id == membership.predecessor:
+        membership._join_at = now + membership._parameters.refresh_s
+        membership._answered_at = membership._sequence_at = now
+
+
+def _as_join(followers: Followers, car_id: bytes, now: float) -> bool:
+    """Take each BSM of a follower for a join."""
+    return car_id in followers and followers.receive_join(car_id, now)
+
+
 def _late(counts: AttackCounts) -> bool:
     return counts.identified_s is None or counts.identified_s > 2.0
 
@@ -118,6 +131,8 @@ ANY_TIME: Check = (
     "_check_time",
     lambda _self, message, *_: message.generation_time64,
 )
+AS_REPLY: Check = (Membership, "receive_bsm", _as_reply)
+AS_JOIN: Check = (Followers, "receive_bsm", _as_join)
 OWN_SENSORS: Check = (RiskResponse, "_request_braking", _by_all)
 
 CONTROLS: dict[AttackKind, Control] = {
@@ -126,6 +141,7 @@ CONTROLS: dict[AttackKind, Control] = {
     AttackKind.HIJACK: Control((PROOF,), _late),
     AttackKind.JOINS: Control((PROOF, UNIQUE), _missed),
     AttackKind.REPLIES: Control(((Membership, "refusal", lambda *_: None),), _missed),
+    AttackKind.LEAVES: Control((PROOF, UNIQUE, AS_REPLY, AS_JOIN), _missed),
     AttackKind.NEXT_LEADER: Control(((AdjacentIds, "_invert", _by_others),), _missed),
     AttackKind.STATEMENTS: Control(((LccaLink, "encode", _if_kept),), _missed),
     AttackKind.TESTS: Control(
