@@ -114,7 +114,7 @@ class Membership:
         if moved:
             self.join_soon(now)
         elif newer and now - self._sequence_at >= usual_s / 2:
-            self.join_soon(now + self._parameters.retry_s)
+            self.join_soon(now + self._parameters.retry_s if has_bsms else now)
 
     def receive_bsm(self, car_id: CarId, now: float) -> None:
         """Take that a BSM of this vehicle has arrived: the predecessor's put the refresh off."""
