@@ -41,8 +41,8 @@ def test_the_notice_names_each_package_whose_licence_is_not_permissive() -> None
 
 def licences(name: str) -> str:
     about = metadata(name)
-    first_line = (about["License"] or "").partition("\n")[0]
-    return f"{first_line} {about.get_all('License-Expression')} {about.get_all('Classifier')}"
+    first_lines = [each.partition("\n")[0] for each in about.get_all("License") or ()]
+    return f"{first_lines} {about.get_all('License-Expression')} {about.get_all('Classifier')}"
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze")

@@ -15,15 +15,21 @@ from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gate, gates, wi
 Q = 1.0
 
 
+EARLY_MS = 1000
+"""Time of what has no other."""
+
+
 def measured(x_m: float, y_m: float = 0.0, sigma_m: float = 1.0, stamp_ms: int = 0) -> Measurement:
-    identity = measurement_id(b"abcd", stamp_ms)
+    identity = measurement_id(b"abcd", EARLY_MS + stamp_ms)
     return Measurement(identity, np.array([x_m, y_m]), np.eye(2) * sigma_m**2)
 
 
 def car(x_m: float, y_m: float = 0.0, vx_m_s: float = 0.0, sigma_m: float = 1.0) -> Estimate:
     covariance = np.diag([sigma_m**2, sigma_m**2, 1.0, 1.0])
     return Estimate(
-        frozenset({measurement_id(b"efgh", 0)}), np.array([x_m, y_m, vx_m_s, 0.0]), covariance
+        frozenset({measurement_id(b"efgh", EARLY_MS)}),
+        np.array([x_m, y_m, vx_m_s, 0.0]),
+        covariance,
     )
 
 

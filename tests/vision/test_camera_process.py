@@ -93,8 +93,14 @@ class Running:
 
     @property
     def process(self) -> psutil.Process:
-        (process,) = psutil.Process().children()
+        (process,) = camera_processes()
         return process
+
+
+def camera_processes() -> list[psutil.Process]:
+    """Those of this process: what runs the tests may have others."""
+    children = psutil.Process().children()
+    return [each for each in children if camera_worker.__name__ in each.cmdline()]
 
 
 @pytest.fixture
@@ -108,7 +114,7 @@ def run() -> Iterator[Callable[[CameraWork], Running]]:
     yield start
     for each in started:
         each.camera.close()
-    assert psutil.Process().children() == []
+    assert camera_processes() == []
 
 
 Run = Callable[[CameraWork], Running]
