@@ -173,7 +173,7 @@ system-packages: ## Debian packages that tests compare with
 # this project, and what goes into a car in deploy/, for its installer.
 LOCK := .venv/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header
 lock: ## pins all versions anew
-	$(LOCK) --extra rig --extra studies --extra sumo --extra video --extra cluster --extra dev pyproject.toml -o requirements.lock
+	$(LOCK) --extra rig --extra studies --extra sumo --extra cluster --extra dev pyproject.toml -o requirements.lock
 	echo setuptools | $(LOCK) --extra rig --no-annotate --constraint requirements.lock pyproject.toml - -o requirements-rig.lock
 	$(LOCK) --no-annotate --constraint requirements.lock pyproject.toml -o deploy/requirements.lock
 	echo 'axe-playwright-python>=0.1.8' | $(LOCK) --no-annotate --no-deps - -o tests/browser/axe.lock

@@ -297,7 +297,7 @@ def test_a_calibration_is_not_written_over_the_recording(tmp_path: Path) -> None
     assert video.read_bytes() == b"a recording"
 
 
-@pytest.mark.parametrize("name", ["seen.gif", "seen.webm", "seen.pictures", "seen"])
+@pytest.mark.parametrize("name", ["seen.gif", "seen.avi", "seen.pictures", "seen"])
 def test_a_video_that_cannot_be_written_is_an_error(drive: Path, tmp_path: Path, name: str) -> None:
     with pytest.raises(UserError, match=f"{name}: cannot be written"):
         run(drive / "pictures", *options(drive), "--video", tmp_path / name)

@@ -5,13 +5,11 @@ import csv
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import cv2
-import numpy as np
 import typer
 
 from onboard.errors import UserError
@@ -212,35 +210,33 @@ def _csv_writer(path: Path, files: contextlib.ExitStack) -> Use:
     return write
 
 
+_VIDEO_CODECS = {".mp4": "vp09", ".webm": "VP90"}
+"""VP9 by the ending of the file, as pages play it, and as the FFmpeg in OpenCV has it."""
+
+
 def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
-    """Write H.264 in the size of the first frame; others are scaled to it."""
-    try:
-        import av  # noqa: PLC0415 (in the extra `video`: a vehicle writes none)
-    except ImportError as error:
-        raise UserError("--video needs PyAV: pip install 'onboard[video]'") from error
+    """Write VP9 in the size of the first frame; others are scaled to it."""
+    codec = _VIDEO_CODECS.get(path.suffix)
     with writing(path):
-        container = av.open(str(path), "w")
-        stream = container.add_stream("h264", rate=Fraction(fps).limit_denominator(1001))
-        stream.pix_fmt = "yuv420p"
-        path.open("ab").close()  # PyAV opens it with the first frame only
-
-    def close() -> None:
-        with writing(path), container:
-            container.mux(stream.encode())
-
-    files.callback(close)
+        if codec is None:
+            raise ValueError(f"its name must end in {' or '.join(_VIDEO_CODECS)}")
+        path.open("ab").close()  # OpenCV opens it with the first frame only
+    writer = cv2.VideoWriter()
+    files.callback(writer.release)
+    size = 0, 0
 
     def write(frame: AnnotatedFrame) -> None:
+        nonlocal size
         image = frame.annotated()
         if min(image.shape[:2]) < 2:
             return
-        if not stream.codec_context.is_open:
-            # H.264 in 4:2:0 has even sides.
-            stream.height, stream.width = (side - side % 2 for side in image.shape[:2])
-        size = (stream.width, stream.height)
-        fitted = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        with writing(path):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(fitted, format="bgr24")))
+        if not writer.isOpened():
+            height_px, width_px = image.shape[:2]
+            size = width_px - width_px % 2, height_px - height_px % 2  # of 4:2:0, even
+            with writing(path):
+                if not writer.open(str(path), cv2.VideoWriter.fourcc(*codec), fps, size):
+                    raise ValueError(f"no video of {size[0]}x{size[1]} at {fps:g} a second")
+        writer.write(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
     return write
 
