@@ -45,7 +45,7 @@ from onboard.messages.fields import Chosen
 from onboard.messages.its_common import ConfidenceEllipse, ReferencePosition
 from onboard.messages.mvs_footer import MAX_OBSERVERS
 from onboard.mvs.footer_coding import from_correlations, runs_of, to_correlations
-from onboard.mvs.received_footers import SharedEntries
+from onboard.mvs.received_footers import MeasuredPlace, SharedEntries, of_measurements
 from onboard.mvs.sdsm_coding import SIGMAS_IN_95_PERCENT, Sender
 from onboard.tracking.evidence import (
     Evidence,
@@ -204,31 +204,25 @@ def _measured(
 
     So the variance on either axis is the sum of both: none in any direction is larger.
     """
-    placed = [
-        (at, each, bound_m)
+    places = [
+        MeasuredPlace(
+            _number_of(each, at),
+            reference_ms + each.measurement_delta_time_ms,
+            each.position.east.value_m,
+            each.position.north.value_m,
+            bound_m / BOUND_SIGMAS,
+        )
         for at, each in enumerate(message.perceived.objects)
         if each.is_vehicle
         and each.quality != NO_CONFIDENCE
         and (bound_m := _bound_of(each.position)) is not None
     ]
-    states, covariances = np.zeros((len(placed), 4)), np.zeros((len(placed), 4, 4))
-    for row, (_, each, bound_m) in enumerate(placed):
-        states[row, :2] = each.position.east.value_m, each.position.north.value_m
-        covariances[row, :2, :2] = (bound_m / BOUND_SIGMAS) ** 2 * np.eye(2)
-    return SharedEntries(
-        anchor,
-        [at if each.object_id is None else each.object_id for at, each, _ in placed],
-        [
-            frozenset(
-                (measurement_id(message.station_id, reference_ms + each.measurement_delta_time_ms),)
-            )
-            for _, each, _ in placed
-        ],
-        frozenset((message.station_id,)),
-        states=states,
-        covariances=covariances,
-        has_speed=np.zeros(len(placed)),
-    )
+    return of_measurements(message.station_id, anchor, places)
+
+
+def _number_of(each: CpmObject, at: int) -> int:
+    """Return the number of an object; without one, its place in the message."""
+    return at if each.object_id is None else each.object_id
 
 
 def _bound_of(position: ObjectPosition) -> float | None:
@@ -263,7 +257,7 @@ def _evident(
         covariances[row, :size, :size] = _covariance(content)
     return SharedEntries(
         anchor,
-        [at if each.object_id is None else each.object_id for at, each in enumerate(objects)],
+        [_number_of(each, at) for at, each in enumerate(objects)],
         provenances,
         frozenset(evidence.observers),
         states=states,

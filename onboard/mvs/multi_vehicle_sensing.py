@@ -6,7 +6,6 @@ Without a position there is no MVS: nothing is measured, used or sent.
 import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
@@ -333,7 +332,7 @@ class MultiVehicleSensing(Core):
         # The count begins anew with each pseudonym, at a number that only the pseudonym gives.
         msg_cnt = (self.own_id[0] + self._sdsms) % MESSAGE_COUNTS
         self._sdsms += 1
-        return message_of(objects, self._sender(), now_ms, frame, msg_cnt)
+        return message_of(objects, self._sender(now), now_ms, frame, msg_cnt)
 
     def cpm_to_send(self, now: float) -> CollectivePerceptionMessage | None:
         """Update, and return the CPM at `now`; `None` without a vehicle that is due.
@@ -356,13 +355,11 @@ class MultiVehicleSensing(Core):
             )
             for track, piece in selected
         ]
-        frame, heading = self._host.frame, self.heading(now)
+        frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
-        heading_rad = None if heading is None else heading.heading_rad
-        sender = replace(self._sender(), heading_rad=heading_rad)
         message, fitting = cpm_coding.encode_within(
             objects,
-            sender,
+            self._sender(now),
             now_ms,
             frame,
             self._settings.max_bytes,
@@ -542,9 +539,11 @@ class MultiVehicleSensing(Core):
 
     # ---- common ---------------------------------------------------------------------------
 
-    def _sender(self) -> Sender:
+    def _sender(self, now: float) -> Sender:
         sigma_m = math.sqrt(float(self._own_state().covariance[0, 0]))
-        return Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m)
+        heading = self.heading(now)
+        heading_rad = None if heading is None else heading.heading_rad
+        return Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m, heading_rad)
 
     def _wire_number(self, track: Track) -> int:
         """Return the number of a track on the air, the same in all messages."""

@@ -11,6 +11,7 @@ from onboard.tracking.evidence import (
     Evidence,
     Provenance,
     ProvenanceSpans,
+    measurement_id,
     observer_of,
     piece_of,
 )
@@ -36,6 +37,40 @@ class SharedEntries:
 
     def __len__(self) -> int:
         return len(self.numbers)
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredPlace:
+    """A position that the sender of a message states without provenance, as its measurement."""
+
+    number: int
+    """The sender's number for the vehicle."""
+    stamp_ms: int
+    """UTC."""
+    east_m: float
+    """From the anchor, as `north_m`."""
+    north_m: float
+    sigma_m: float
+    """Of either axis."""
+
+
+def of_measurements(
+    sender_id: bytes, anchor: LocalFrame, places: Sequence[MeasuredPlace]
+) -> SharedEntries:
+    """Return the entries of a message without provenance: each is known by sender and time."""
+    states = [(each.east_m, each.north_m, 0.0, 0.0) for each in places]
+    covariances = np.zeros((len(places), 4, 4))
+    for row, each in enumerate(places):
+        covariances[row, :2, :2] = each.sigma_m**2 * np.eye(2)
+    return SharedEntries(
+        anchor,
+        [each.number for each in places],
+        [frozenset((measurement_id(sender_id, each.stamp_ms),)) for each in places],
+        frozenset((sender_id,)),
+        states=np.array(states, np.float64).reshape(-1, 4),
+        covariances=covariances,
+        has_speed=np.zeros(len(places)),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

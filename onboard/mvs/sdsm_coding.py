@@ -27,8 +27,8 @@ from onboard.messages.sdsm import (
     PositionOffset,
     SensorDataSharingMessage,
 )
-from onboard.mvs.received_footers import SharedEntries
-from onboard.tracking.evidence import Measurement, measurement_id
+from onboard.mvs.received_footers import MeasuredPlace, SharedEntries, of_measurements
+from onboard.tracking.evidence import Measurement
 
 SIGMAS_IN_95_PERCENT = math.sqrt(-2.0 * math.log(0.05))
 """Radius of the circle that holds 95 % of the errors of a position, in sigmas of either axis."""
@@ -126,25 +126,15 @@ def entries_in(message: SensorDataSharingMessage, now_ms: int) -> SharedEntries:
     latitude_deg, longitude_deg = message.reference.latitude_deg, message.reference.longitude_deg
     if latitude_deg is None or longitude_deg is None:
         raise DecodeError("no_position", "of the sender")
-    placed = [
-        (each.common, each.common.confidence.position_m / SIGMAS_IN_95_PERCENT)
-        for each in message.objects
-        if each.common.type is ObjectType.VEHICLE and each.common.confidence.position_m is not None
+    places = [
+        MeasuredPlace(
+            common.object_id,
+            stamp_ms + common.measurement_time_ms,
+            common.offset.east_m,
+            common.offset.north_m,
+            common.confidence.position_m / SIGMAS_IN_95_PERCENT,
+        )
+        for common in (each.common for each in message.objects)
+        if common.type is ObjectType.VEHICLE and common.confidence.position_m is not None
     ]
-    n = len(placed)
-    states, covariances = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    for at, (common, sigma_m) in enumerate(placed):
-        states[at, :2] = common.offset.east_m, common.offset.north_m
-        covariances[at, :2, :2] = sigma_m**2 * np.eye(2)
-    return SharedEntries(
-        LocalFrame(latitude_deg, longitude_deg),
-        [common.object_id for common, _ in placed],
-        [
-            frozenset((measurement_id(message.source_id, stamp_ms + common.measurement_time_ms),))
-            for common, _ in placed
-        ],
-        frozenset((message.source_id,)),
-        states=states,
-        covariances=covariances,
-        has_speed=np.zeros(n),
-    )
+    return of_measurements(message.source_id, LocalFrame(latitude_deg, longitude_deg), places)

@@ -1,12 +1,22 @@
 """State of all cars on the plane, and the interface of its sources."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_rig.roads.road import CarState
+
 Array = NDArray[np.float64]
+Guests = Callable[[float], Mapping[str, CarState]]
+"""States of cars that a source of traffic does not drive, by time in s; empty before they come."""
+
+
+def no_guests(_at_s: float) -> Mapping[str, CarState]:
+    """Return none."""
+    return {}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

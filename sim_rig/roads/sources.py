@@ -1,14 +1,12 @@
 """Opens a source of traffic by name: a synthetic road, SUMO, or a trace file."""
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from onboard.errors import UserError
-from sim_rig.roads.cars import Traffic
+from sim_rig.roads.cars import Guests, Traffic, no_guests
 from sim_rig.roads.crossing import HighwaySettings, IntersectionSettings, crossing, highway
-from sim_rig.roads.road import CarState
 from sim_rig.roads.trace_files import read_trace
 
 NAMES = ("crossing", "highway", "sumo-crossing", "sumo-highway", "sumo-dense-highway")
@@ -21,15 +19,14 @@ class RoadSourceError(UserError):
 def open_traffic(
     source: str,
     rng: np.random.Generator,
-    guests: Callable[[float], Mapping[str, CarState]] = lambda _: {},
+    guests: Guests = no_guests,
 ) -> Traffic:
     """Open one of `NAMES`, a SUMO simulation (`.sumocfg`), or a trace file.
 
     Args:
         source: name or path.
         rng: source of all random numbers.
-        guests: other cars to which SUMO's drivers react, by time in s; those of other sources do
-            not.
+        guests: other cars, to which the drivers of SUMO react, and those of other sources do not.
 
     Raises:
         RoadSourceError: the source does not exist.

@@ -7,7 +7,7 @@ nets. Other simulations are given by the `.sumocfg` of their network and routes.
 import gzip
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
@@ -16,7 +16,7 @@ import numpy as np
 from typing_extensions import override
 
 from onboard.errors import UserError
-from sim_rig.roads.cars import Cars, Traffic
+from sim_rig.roads.cars import Cars, Guests, Traffic, no_guests
 from sim_rig.roads.road import CarState
 
 try:
@@ -38,8 +38,6 @@ _OPTIONS = (
 )  # fmt: skip
 
 
-Guests = Callable[[float], Mapping[str, CarState]]
-"""States at a time, s since the start, of cars that SUMO does not drive; empty before they come."""
 MAKE_ROOM_M = 30.0
 """Within this distance of where a guest comes, SUMO's cars are taken off the road."""
 _GUEST_ROUTE, _FREELY = "", 2  # without a route; `keepRoute` of `moveToXY`: to any place
@@ -56,7 +54,7 @@ class SumoError(UserError):
 class SumoTraffic(Traffic):
     """Steps one simulation, whose drivers react to its guests."""
 
-    def __init__(self, config: Path, seed: int, guests: Guests = lambda _: {}) -> None:
+    def __init__(self, config: Path, seed: int, guests: Guests = no_guests) -> None:
         """Load the simulation, when those of other threads have ended.
 
         Args:

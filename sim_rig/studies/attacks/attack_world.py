@@ -159,31 +159,33 @@ class Signer:
 
     def sdsm_at(self, number: int, place_m: Place, now: float) -> bytes:
         """Return a signed SDSM in a WSM with a vehicle without radio, as if measured now."""
-        now_ms = round((self._utc_s + now) * 1000)
-        here = LocalFrame(*placed(*place_m))
-        measured = Measurement(
-            measurement_id(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
-        )
+        now_ms, sender, measured = self._measured_at(place_m, now)
         self._sent += 1
         message = message_of(
             [MeasuredObject(number, measured, np.zeros(2), 1.0)],
-            SharingSender(self.temporary_id, here, PLACE_SIGMA_M),
+            sender,
             now_ms,
-            here,
+            sender.anchor,
             self._sent % 128,
         )
         return self.signed(sdsm.encode(message), psid.SENSOR_SHARING, now)
 
+    def _measured_at(self, place_m: Place, now: float) -> tuple[int, SharingSender, Measurement]:
+        """Return UTC in ms, a sender at a place, and its measurement of a vehicle there."""
+        now_ms = round((self._utc_s + now) * 1000)
+        identity = measurement_id(self.temporary_id, now_ms)
+        here = LocalFrame(*placed(*place_m))
+        return (
+            now_ms,
+            SharingSender(self.temporary_id, here, PLACE_SIGMA_M),
+            Measurement(identity, np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)),
+        )
+
     def cpm_at(self, number: int, place_m: Place, now: float, *, evidence: bool) -> bytes:
         """Return a signed CPM in a packet, as `sdsm_at`; `evidence`: with what MVS adds."""
-        now_ms = round((self._utc_s + now) * 1000)
-        here = LocalFrame(*placed(*place_m))
-        measured = Measurement(
-            measurement_id(self.temporary_id, now_ms), np.zeros(2), PLACE_SIGMA_M**2 * np.eye(2)
-        )
+        now_ms, sender, measured = self._measured_at(place_m, now)
         each = SharedObject(number, measured, np.zeros(2), 1.0, is_sensed=True)
-        sender = SharingSender(self.temporary_id, here, PLACE_SIGMA_M)
-        message, _ = cpm_coding.encode_within([each], sender, now_ms, here, FOOTER_BYTES)
+        message, _ = cpm_coding.encode_within([each], sender, now_ms, sender.anchor, FOOTER_BYTES)
         if not evidence:
             message = replace(message, perceived=replace(message.perceived, evidence=None))
         return self.signed(cpm.encode(message), psid.CPM, now)
