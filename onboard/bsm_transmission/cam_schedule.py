@@ -1,7 +1,7 @@
 """CAM schedule: when the motion changes, 1 to 10 times a second (EN 302 637-2 V1.4.1, 6.1.3).
 
-Parameter names of the standard stand under the constants. `T_GenCam_DCC`, the share of the channel
-that congestion control leaves, stays at its minimum: radio units do not tell their channel load.
+Parameter names of the standard stand under the constants. In place of `T_GenCam_DCC`, the interval
+that congestion control leaves, `hold_until` waits for its gate: a CAM is new when it is sent.
 """
 
 import math
@@ -102,6 +102,11 @@ class CamSchedule:
         if is_critical and not self._is_critical:
             self._check_at = now
         self._is_critical = is_critical
+
+    def hold_until(self, at: float) -> None:
+        """Compare no earlier than at `at`, unless there is a critical event."""
+        if not self._is_critical:
+            self._check_at = max(self._check_at, at)
 
     def get_timer(self) -> float:
         """Return the time of the next comparison."""

@@ -29,6 +29,10 @@ class CpmSchedule(Core):
         """Come up next at a random time: the phase tells nothing of the last pseudonym's."""
         self._due_at = now + float(self._rng.uniform(0.0, MINIMUM_INTERVAL_S))
 
+    def hold_until(self, at: float) -> None:
+        """Come up no earlier than at `at`."""
+        self._due_at = max(self._due_at, at)
+
     @override
     def get_timer(self) -> float:
         """Return the next time."""

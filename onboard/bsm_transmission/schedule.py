@@ -95,6 +95,11 @@ class BsmSchedule:
             self._send_at = now
         self._is_critical = is_critical
 
+    def hold_until(self, at: float) -> None:
+        """Send no earlier than at `at`, unless there is a critical event."""
+        if not self._is_critical:
+            self._send_at = max(self._send_at, at)
+
     def get_timer(self) -> float:
         """Return the time of the next BSM or density measurement."""
         return min(self._send_at, self._measure_at)

@@ -158,6 +158,10 @@ class BsmTransmitter(Core):
             )
         self._schedule.receive_remote_vehicle(sender, range_m, now)
 
+    def hold_until(self, at: float) -> None:
+        """Send no earlier than at `at`, unless there is a critical event."""
+        self._schedule.hold_until(at)
+
     def receive_max_interval(self, max_s: float, now: float) -> None:
         """Limit the interval of BSMs (`onboard/access`)."""
         self._schedule.receive_max_interval(max_s, now)

@@ -36,8 +36,14 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
     tree = json.loads(config.model_dump_json(include=set(OF_THE_CORES), exclude_defaults=True))
     tree["car"]["plate"] = aliases.alias(config.car.plate)
     tree.get("access", {}).pop("driver_file", None)
-    if config.radio_profile is not RadioProfile.WAVE:  # without addresses
-        tree["radio"] = {"endpoint": "raw", "interface": "-", "profile": config.radio_profile}
+    radio = config.radio
+    if radio is not None and radio.profile is not RadioProfile.WAVE:  # without addresses
+        tree["radio"] = {
+            "endpoint": "raw",
+            "interface": "-",
+            "profile": radio.profile,
+            "congestion_control": radio.congestion_control,
+        }
     if "brake_request" in tree:  # without addresses
         tree["brake_request"] |= {"udp": None, "can": None}
     tree.get("security", {}).pop("keys_folder", None)

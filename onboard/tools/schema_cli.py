@@ -14,6 +14,7 @@ from onboard.access.adaptation import FollowingSafety, ReactionObserved
 from onboard.brake_request.brake_requester import BrakeRequest
 from onboard.interface.event_server import VERSION
 from onboard.intersections.intersections import SignalAhead
+from onboard.its_g5.congestion_control import ChannelLoad
 from onboard.lcca.events import (
     Identified,
     IdentityLost,
@@ -52,8 +53,8 @@ from onboard.trace.trace_line import Event, traced_fields
 from onboard.tracking.perceived_object import PerceivedObject
 
 TRACED: tuple[type[Event], ...] = (
-    Alarm, BrakePedal, BrakeRequest, CertificateExpired, Curvature, DetectionList, Discarded,
-    FileFailure, FollowingSafety, HardBrake, Identified, IdentityLost, Inquired, Lead,
+    Alarm, BrakePedal, BrakeRequest, CertificateExpired, ChannelLoad, Curvature, DetectionList,
+    Discarded, FileFailure, FollowingSafety, HardBrake, Identified, IdentityLost, Inquired, Lead,
     MessageReceived, MessageSent, PerceivedObject, Plate, Position, ReactionObserved, Ready,
     RecorderState, SensorImpaired, SensorLost, SensorRecovered, SignalAhead, SignerIgnored, Speed,
     Steering, Transition, TurnSignal, VehicleDetection, WarningLevel, WarningOver, WarningRaised,

@@ -3,7 +3,7 @@
 Both ways meet here: what the sensors measure goes out, and what others send comes in.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -63,6 +63,7 @@ class SharedSensing:
         """
         self._shared_in = settings.shared_in
         self._cpms = CpmSchedule(rng, now) if etsi else None
+        self._is_cpm_first = False
         self._utc_offset_s = utc_offset_s
         self.transmitter = BsmTransmitter(size, pseudonym, rng, now, host, triggered=etsi)
         self.mvs = MultiVehicleSensing(
@@ -137,6 +138,40 @@ class SharedSensing:
         )
         self.transmitter.receive_remote_vehicle(sender, position, now)
         return is_used
+
+    def messages_to_send(
+        self, now: float, radio_opens_at: Callable[[float], float]
+    ) -> Iterator[BasicSafetyMessage | SensorDataSharingMessage | CollectivePerceptionMessage]:
+        """Yield the messages that are due, each composed when it is drawn.
+
+        While congestion control lets none through, none is composed, except a BSM with a critical
+        event, which goes out as a DENM. CAMs and CPMs then take turns.
+
+        Args:
+            now: the present time.
+            radio_opens_at: see `Vehicle`.
+        """
+        kinds = self._bsm_due, self._cpm_due
+        for due in reversed(kinds) if self._is_cpm_first else kinds:
+            opens_at = radio_opens_at(now)
+            if opens_at > now:
+                self.transmitter.hold_until(opens_at)
+                if self._cpms is not None:
+                    self._cpms.hold_until(opens_at)
+            yield from due(now)
+
+    def _bsm_due(self, now: float) -> Iterator[BasicSafetyMessage | SensorDataSharingMessage]:
+        if not self.transmitter.take_due(now):
+            return
+        self._is_cpm_first = True
+        yield self.bsm(now)
+        if (shared := self.sdsm(now)) is not None:
+            yield shared
+
+    def _cpm_due(self, now: float) -> Iterator[CollectivePerceptionMessage]:
+        if (perceived := self.cpm(now)) is not None:
+            self._is_cpm_first = False
+            yield perceived
 
     def bsm(self, now: float) -> BasicSafetyMessage:
         """Return the BSM at `now`, due or not."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from onboard.access.driver_model import DriverModel
 from onboard.errors import DecodeError
+from onboard.its_g5.congestion_control import CongestionControl
 from onboard.kinematics.units import STANDARD_GRAVITY_M_S2
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.identification import Identification
@@ -95,11 +96,13 @@ class Stack:
             fresh_entropy: asked at each change of the pseudonym for a new seed of `rng`.
         """
         self._config = config
-        if config.radio_profile is RadioProfile.ITS_G5:
+        radio = config.radio
+        if radio is not None and radio.profile is RadioProfile.ITS_G5:
             self._messages: MessageSet = ItsMessages()
             self.framing: RadioFraming = ItsG5Framing(config.lcca_psid, self._last_fix)
+            control = CongestionControl(radio.congestion_control, now)
         else:
-            self._messages, self.framing = J2735Messages(), WaveFraming()
+            self._messages, self.framing, control = J2735Messages(), WaveFraming(), None
         self._security = SecurityServices(
             utc_s - now,
             credentials,
@@ -114,7 +117,7 @@ class Stack:
         self._pseudonym = self._pseudonyms.at(utc_s)
         self._bus = VehicleBus(config.obd, signals)
         services = {*self._messages.components, config.lcca_psid}
-        self._link = WaveLink(self._security, services, self.framing)
+        self._link = WaveLink(self._security, services, self.framing, control)
         self._lcca_link = LccaLink(
             self._security, config.lcca_psid, credentials, self._digest, self.framing.payload_in
         )
@@ -130,6 +133,7 @@ class Stack:
             is_road_side_unit=None if credentials is None else self._security.is_road_side_unit,
             bus=self._bus,
             link=self._link,
+            radio_opens_at=self._link.opens_at,
         )
         self._use_credential(now)
 

@@ -92,6 +92,7 @@ class Vehicle(Core):
         is_road_side_unit: Callable[[bytes], bool] | None = None,
         bus: ObservationSource | None = None,
         link: Core | None = None,
+        radio_opens_at: Callable[[float], float] = lambda now: now,
     ) -> None:
         """Start at `now`.
 
@@ -108,10 +109,13 @@ class Vehicle(Core):
                 credibility is then known.
             bus: puts out observations; its timer has its place among those of the other cores.
             link: the radio's core, whose timer and events have theirs.
+            radio_opens_at: given a `now`, returns when to ask again whether an awareness message
+                would be sent at once; at most `now` if it would.
         """
         self._config = config
         self._utc_offset_s = utc_offset_s
         self._bus = bus
+        self._radio_opens_at = radio_opens_at
         self._sensors = HostSensors(config.sensor_timeouts.limits_s(sensors), now)
         self.host = HostState()
         self._misbehaviour = MisbehaviourDetector(check_braking=config.security.check_braking)
@@ -390,12 +394,7 @@ class Vehicle(Core):
         yield from self.group_messages_to_send(now)
         if not self._config.beacons:
             return
-        if self._sharing.transmitter.take_due(now):
-            yield self._sharing.bsm(now)
-            if (shared := self._sharing.sdsm(now)) is not None:
-                yield shared
-        if (perceived := self._sharing.cpm(now)) is not None:
-            yield perceived
+        yield from self._sharing.messages_to_send(now, self._radio_opens_at)
 
     # ---- between the cores ----------------------------------------------------------------
 

@@ -1,5 +1,6 @@
 """Messages to frames and back: 1609.2 data in a profile's headers, sent by user priority."""
 
+import math
 from collections import deque
 from collections.abc import Collection
 
@@ -7,6 +8,8 @@ from typing_extensions import override
 
 from onboard.core import Core
 from onboard.errors import DecodeError
+from onboard.its_g5.congestion_control import ChannelLoad, CongestionControl
+from onboard.its_g5.dcc_rate import LEAST_INTERVAL_S
 from onboard.observations import Discarded
 from onboard.security import ieee1609dot2
 from onboard.security.peer_to_peer import answered_by
@@ -30,12 +33,17 @@ class WaveLink(Core):
         security: SecurityServices,
         psids: Collection[int],
         framing: RadioFraming | None = None,
+        congestion_control: CongestionControl | None = None,
     ) -> None:
-        """Receive the services `psids` only, in the frames of `framing`; WSMs by default."""
+        """Receive the services `psids` only, in the frames of `framing`; WSMs by default.
+
+        Frames are sent as `congestion_control` allows, and at any time without it.
+        """
         self._security = security
         self._framing = framing or WaveFraming()
         self._psids = frozenset(psids)
-        self._queue = RadioQueue()
+        self._congestion_control = congestion_control
+        self._queue = RadioQueue(gate=congestion_control)
         self._discarded: deque[Discarded] = deque()
 
     def submit(
@@ -77,6 +85,8 @@ class WaveLink(Core):
         Returns:
             its PSID, what was signed, and the message in it, or `None` if it was discarded.
         """
+        if self._congestion_control is not None:
+            self._congestion_control.receive_frame(len(data))
         try:
             wsm = self._framing.read(data)
             if wsm.psid == psid.PEER_TO_PEER and self._security.verifies:
@@ -129,12 +139,37 @@ class WaveLink(Core):
         """What nothing that is submitted later can precede, else as `wsms_to_send`."""
         return self._queue.wsms_to_send(now, least_priority=PRIORITIES - 1)
 
-    @override
-    def get_timer(self) -> float:
-        """Return when a queued frame or an answer may be sent; `math.inf` without one."""
-        return min(self._queue.get_timer(), self._security.distribution.get_timer())
+    def opens_at(self, now: float) -> float:
+        """Return when to ask again whether an awareness message would be sent at once.
+
+        At most `now` if it would; other frames that wait take their turn first.
+        """
+        control = self._congestion_control
+        if control is None:
+            return now
+        return max(control.opens_at(0), now + LEAST_INTERVAL_S if len(self._queue) else now)
 
     @override
-    def next_event(self) -> Discarded | None:
+    def get_timer(self) -> float:
+        """Return when something is due; `math.inf` if nothing is."""
+        control = self._congestion_control
+        return min(
+            self._queue.get_timer(),
+            self._security.distribution.get_timer(),
+            math.inf if control is None else control.get_timer(),
+        )
+
+    @override
+    def handle_timer(self, now: float) -> None:
+        """Measure the channel load if that is due."""
+        if self._congestion_control is not None:
+            self._congestion_control.handle_timer(now)
+
+    @override
+    def next_event(self) -> Discarded | ChannelLoad | None:
         """The oldest event not yet taken."""
-        return self._discarded.popleft() if self._discarded else self._queue.next_event()
+        if self._discarded:
+            return self._discarded.popleft()
+        control = self._congestion_control
+        load = None if control is None else control.next_event()
+        return load or self._queue.next_event()

@@ -8,6 +8,7 @@ at most, however many are queued.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 from onboard.observations import Discarded
 
@@ -21,6 +22,19 @@ MAC_BYTES = 32
 """Octets of the 802.11 QoS data header (26), EtherType (2) and frame check sequence (4)."""
 
 
+DATA_RATE_MBIT_S = 6.0
+
+
+class Gate(Protocol):
+    """Congestion control: when a frame may be sent."""
+
+    def opens_at(self, user_priority: int) -> float:
+        """Return from when on a frame of a priority may be sent; none earlier for a lower one."""
+
+    def receive_sent(self, size_bytes: int, user_priority: int, now: float) -> None:
+        """Take that a frame is sent at `now`."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Queued:
     wsm: bytes
@@ -30,10 +44,16 @@ class _Queued:
 class RadioQueue:
     """A bounded queue by user priority, first in first out within one."""
 
-    def __init__(self, data_rate_mbit_s: float = 6.0, capacity: int = 64) -> None:
-        """Pace frames by the radio's data rate; at most `capacity` frames wait."""
+    def __init__(
+        self,
+        data_rate_mbit_s: float = DATA_RATE_MBIT_S,
+        capacity: int = 64,
+        gate: Gate | None = None,
+    ) -> None:
+        """Pace frames by the radio's data rate and `gate`; at most `capacity` frames wait."""
         self._byte_s = 8e-6 / data_rate_mbit_s
         self._capacity = capacity
+        self._gate = gate
         self._queues: list[deque[_Queued]] = [deque() for _ in range(PRIORITIES)]
         self._free_at = float("-inf")
         self._events: deque[Discarded] = deque()
@@ -72,16 +92,26 @@ class RadioQueue:
         self._drop_expired(now)
         if now < self._free_at or not len(self):
             return []
-        priority = max(p for p in range(PRIORITIES) if self._queues[p])
-        if priority < least_priority:
+        priority = self._highest_priority()
+        if priority < least_priority or now < self._opens_at(priority):
             return []
         wsm = self._queues[priority].popleft().wsm
         self._free_at = now + FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
+        if self._gate is not None:
+            self._gate.receive_sent(len(wsm), priority, now)
         return [(priority, wsm)]
 
     def get_timer(self) -> float:
-        """Return when the radio is free for the next frame; `math.inf` while none waits."""
-        return self._free_at if len(self) else math.inf
+        """Return when the next frame may be sent; `math.inf` while none waits."""
+        if not len(self):
+            return math.inf
+        return max(self._free_at, self._opens_at(self._highest_priority()))
+
+    def _highest_priority(self) -> int:
+        return max(p for p in range(PRIORITIES) if self._queues[p])
+
+    def _opens_at(self, user_priority: int) -> float:
+        return -math.inf if self._gate is None else self._gate.opens_at(user_priority)
 
     def next_event(self) -> Discarded | None:
         """Return the oldest dropped frame not yet taken: reason `expired` or `queue_full`."""

@@ -4,7 +4,7 @@ from enum import StrEnum
 from ipaddress import IPv4Address
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from onboard.settings import Settings
 
@@ -20,9 +20,31 @@ class RadioProfile(StrEnum):
     """ETSI ITS in GeoNetworking."""
 
 
+class CongestionControlApproach(StrEnum):
+    """By which ITS-G5 sends less often on a busy channel (ETSI TS 102 687)."""
+
+    REACTIVE = "reactive"
+    """A table of states."""
+    ADAPTIVE = "adaptive"
+    """Vehicles share what the channel bears."""
+
+
 class _Profiled(Settings):
     profile: RadioProfile = RadioProfile.WAVE
     """`its-g5` is Europe's."""
+    congestion_control: CongestionControlApproach = CongestionControlApproach.ADAPTIVE
+    """Of `its-g5`; BSMs follow SAE J2945/1."""
+
+    @field_validator("congestion_control")
+    @classmethod
+    def _is_of_its_g5(
+        cls, approach: CongestionControlApproach, info: ValidationInfo
+    ) -> CongestionControlApproach:
+        if info.data.get("profile") is RadioProfile.WAVE:
+            raise ValueError(
+                f"{approach} is of the profile its-g5; BSMs follow SAE J2945/1: leave it out"
+            )
+        return approach
 
 
 class _UnitOnIp(_Profiled):
