@@ -52,7 +52,7 @@ class Opened:
     location: TwoDLocation | None = None
     """Where it was generated, if its header says so."""
     ssp: bytes | None = None
-    """What the signer's certificate permits in this service; `None`: everything."""
+    """Of this service in the signer's certificate; `None` without."""
     secured: bytes = field(default=b"", repr=False)
     """The 1609.2 data, if it was verified."""
 

@@ -14,6 +14,7 @@ from onboard.errors import DecodeError
 from onboard.its_g5.awareness import bsm_of, cam_of
 from onboard.its_g5.infrastructure import decode_map, decode_spat
 from onboard.its_g5.notification import EventReports, ReceivedEvents
+from onboard.its_g5.permissions import check_cam, check_denm
 from onboard.its_g5.stations import Stations
 from onboard.messages import bsm, cam, cpm, denm, map_data, sdsm, spat
 from onboard.messages.bsm import BasicSafetyMessage
@@ -45,12 +46,24 @@ class MessageSet(Protocol):
         """Return what says a message at `now`, which is `utc_s`."""
 
     def decode(
-        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+        self,
+        service: int,
+        data: bytes,
+        signer_id: bytes | None,
+        utc_s: float,
+        ssp: bytes | None = None,
     ) -> ReceivedMessage | None:
-        """Return a message received at `utc_s`; `None` if it says nothing new.
+        """Return a message; `None` if it says nothing new.
+
+        Args:
+            service: PSID or ITS-AID.
+            data: the message.
+            signer_id: HashedId8 of its signer; `None` if it is not signed, which permits all.
+            utc_s: time of reception.
+            ssp: of the service in the signer's certificate.
 
         Raises:
-            DecodeError: it cannot be decoded or used.
+            DecodeError: it cannot be decoded or used, or its signer may not say it.
         """
 
 
@@ -84,7 +97,12 @@ class J2735Messages(MessageSet):
 
     @override
     def decode(
-        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+        self,
+        service: int,
+        data: bytes,
+        signer_id: bytes | None,
+        utc_s: float,
+        ssp: bytes | None = None,
     ) -> ReceivedMessage | None:
         return self._DECODERS[service](data)
 
@@ -138,7 +156,12 @@ class ItsMessages(MessageSet):
 
     @override
     def decode(
-        self, service: int, data: bytes, signer_id: bytes | None, utc_s: float
+        self,
+        service: int,
+        data: bytes,
+        signer_id: bytes | None,
+        utc_s: float,
+        ssp: bytes | None = None,
     ) -> ReceivedMessage | None:
         if service == psid.MAPEM:
             return self._decode_map(data)
@@ -147,9 +170,14 @@ class ItsMessages(MessageSet):
         if service == psid.CPM:
             return cpm.decode(data)
         if service == psid.DENM:
-            event = self._events.bsm_of(denm.decode(data), signer_id, utc_s)
+            notification = denm.decode(data)
+            if signer_id is not None:
+                check_denm(notification, ssp)
+            event = self._events.bsm_of(notification, signer_id, utc_s)
             return None if event is None else self._stations.completed(event, signer_id, utc_s)
         message = cam.decode(data)
+        if signer_id is not None:
+            check_cam(message, ssp)
         vehicle = bsm_of(message, utc_s)
         if vehicle is None:
             name = message.parameters.high_frequency.name

@@ -257,7 +257,7 @@ class Stack:
                 lcca.decode(data)
                 if is_lcca
                 else self._messages.decode(
-                    service, data, opened.signer_id, self._security.utc_s(now)
+                    service, data, opened.signer_id, self._security.utc_s(now), opened.ssp
                 )
             )
         except DecodeError as error:

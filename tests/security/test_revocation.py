@@ -179,7 +179,7 @@ def test_a_list_of_a_revoked_signer_is_refused() -> None:
 def test_a_list_of_a_revoked_implicit_signer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its key proves nothing before the signature does, so it is looked up afterwards."""
     permission = Permission(CRL, encode_ssp(CrlSsp(is_craca=False, series=frozenset({1}))))
-    monkeypatch.setattr(authority, "Permission", lambda _psid, _ssp: permission)
+    monkeypatch.setattr(authority, "Permission", lambda _psid, _ssp, **_: permission)
     signer = make_pseudonyms(ROOT, 1, {CRL}, new_key=new_key, implicit=True, **VALID).pseudonyms[0]
     craca_id8 = ROOT.credential.certificate.hashed_id8
     data = _signed(_contents(craca_id8=craca_id8), signer)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypedDict
 
+from onboard.its_g5.permissions import cam_ssp, denm_ssp
 from onboard.security import ecqv, ieee1609dot2, p256
 from onboard.security.certificate_codec import (
     decode_certificate,
@@ -22,9 +23,11 @@ from onboard.security.crl_codec import encode_crl, encode_ssp
 from onboard.security.id_commitment import leaf, ssp_of
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.region import GeographicRegion
-from onboard.wave_udp.psid import CRL, J2735, LCCA, OF_ROAD_SIDE_UNITS
+from onboard.wave_udp.psid import CAM, CRL, DENM, J2735, LCCA, OF_ROAD_SIDE_UNITS
 
 DAY_S = 86_400.0
+SSPS_OF_CARS: Mapping[int, bytes] = {CAM: cam_ssp(), DENM: denm_ssp()}
+"""What `onboard` says as an ordinary car."""
 _SERIES = 1
 _CRACA = Permission(CRL, encode_ssp(CrlSsp(is_craca=True, series=frozenset({_SERIES}))))
 """The permission to sign the revocation lists of the certificates below."""
@@ -143,6 +146,7 @@ def make_pseudonyms(
     implicit: bool = False,
     region: GeographicRegion | None = None,
     plate: KnownPlate | None = None,
+    ssps: Mapping[int, bytes] = SSPS_OF_CARS,
 ) -> Credentials:
     """Make the pseudonym certificates of one vehicle.
 
@@ -156,6 +160,7 @@ def make_pseudonyms(
         implicit: make implicit certificates.
         region: where they are valid; everywhere if not given.
         plate: to whose IDs they commit, in a service of `psids`; to none if not given.
+        ssps: bitmaps of permissions in services of `psids`.
     """
     issuer = issuing.credential
     pseudonyms = []
@@ -164,7 +169,9 @@ def make_pseudonyms(
         key = new_key()
         leaves = () if plate is None else plate.leaves(number, count, valid)
         permissions = tuple(
-            Permission(psid, ssp_of(leaves) if plate is not None and psid == plate.psid else None)
+            Permission(psid, ssp_of(leaves))
+            if plate is not None and psid == plate.psid
+            else Permission(psid, ssps.get(psid), is_bitmap=psid in ssps)
             for psid in sorted(psids)
         )
         subject = Subject(
@@ -194,6 +201,7 @@ def make_trial(
     road_side_units: Iterable[str] = (),
     unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
     plates: Mapping[str, KnownPlate] | None = None,
+    ssps: Mapping[int, bytes] = SSPS_OF_CARS,
 ) -> dict[str, Credentials]:
     """Make the credentials with which vehicles of a rig sign and verify for 23 hours.
 
@@ -207,6 +215,7 @@ def make_trial(
         road_side_units: names of the units beside the road.
         unit_psids: services that these may sign.
         plates: of the vehicles whose certificates commit to their IDs, by name.
+        ssps: bitmaps of permissions in the vehicles' services.
 
     Returns:
         the credentials by vehicle and unit.
@@ -227,6 +236,7 @@ def make_trial(
         road_side_units=units,
         unit_psids=unit_psids,
         plates=plates,
+        ssps=ssps,
     )
 
 
@@ -242,6 +252,7 @@ def issue_trial(
     road_side_units: Iterable[str] = (),
     unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
     plates: Mapping[str, KnownPlate] | None = None,
+    ssps: Mapping[int, bytes] = SSPS_OF_CARS,
 ) -> dict[str, Credentials]:
     """Make such credentials with an authority that exists; for the arguments see `make_trial`."""
     valid = _of_a_trial(utc_s)
@@ -253,6 +264,7 @@ def issue_trial(
             new_key=new_key,
             implicit=implicit,
             plate=(plates or {}).get(name),
+            ssps=ssps,
             **valid,
         )
         for name, count, services in (
