@@ -16,7 +16,7 @@ from onboard.gnss.nmea import NmeaReader
 from onboard.hmi.access_check import AccessCheck
 from onboard.its_g5 import packet
 from onboard.its_g5.infrastructure import decode_map, decode_spat, encode_map, encode_spat
-from onboard.messages import bsm, cam, cpm, denm, lcca, map_data, mvs_footer, sdsm, spat
+from onboard.messages import bsm, cam, cpm, denm, lcca, map_data, mvs_footer, psm, sdsm, spat, vam
 from onboard.mvs.cpm_coding import entries_in
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.settings import MvsSettings
@@ -275,6 +275,8 @@ TARGETS = {
     "mapem": _codec(decode_map, partial(encode_map, station_id=b"unit"), 4e-2),
     "spatem": _codec(decode_spat, partial(encode_spat, station_id=b"unit"), 2e-2),
     "denm": _codec(denm.decode, denm.encode),
+    "vam": _codec(vam.decode, vam.encode),
+    "psm": _codec(psm.decode, psm.encode),
     "geonetworking": Target(_geonetworking, (DecodeError,)),
     "map": _codec(map_data.decode, map_data.encode, 4e-2),  # a kilobyte has 300 nodes of a lane
     "spat": _codec(spat.decode, spat.encode, 2e-2),

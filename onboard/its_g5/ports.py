@@ -11,5 +11,6 @@ OF_SERVICES = {
     psid.MAPEM: 2003,
     psid.SPATEM: 2004,
     psid.CPM: 2009,
+    psid.VAM: 2018,
 }
 """Those of the standards."""

@@ -40,7 +40,6 @@ NAMES = {
     29: "signalRequestMessage",
     30: "signalStatusMessage",
     31: "travelerInformation",
-    32: "personalSafetyMessage",
     33: "roadSafetyMessage",
 }
 """Messages that have no codec here, by DSRCmsgID (SAE J2735, DSRCmsgID)."""

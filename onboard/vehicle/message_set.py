@@ -15,8 +15,9 @@ from onboard.its_g5.awareness import bsm_of, cam_of
 from onboard.its_g5.infrastructure import decode_map, decode_spat
 from onboard.its_g5.notification import EventReports, ReceivedEvents
 from onboard.its_g5.permissions import check_cam, check_denm
+from onboard.its_g5.road_users import bsm_of_psm, bsm_of_vam
 from onboard.its_g5.stations import Stations
-from onboard.messages import bsm, cam, cpm, denm, map_data, sdsm, spat
+from onboard.messages import bsm, cam, cpm, denm, map_data, psm, sdsm, spat, vam
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.cam import Cam
 from onboard.messages.cpm import CollectivePerceptionMessage
@@ -68,10 +69,11 @@ class MessageSet(Protocol):
 
 
 class J2735Messages(MessageSet):
-    """SAE J2735: BSM, SDSM, MAP and SPAT."""
+    """SAE J2735: BSM, PSM, SDSM, MAP and SPAT."""
 
     components: Mapping[int, str] = {
         psid.BSM: "bsm",
+        psid.PSM: "psm",
         psid.SENSOR_SHARING: "sdsm",
         psid.MAP: "map",
         psid.SPAT: "spat",
@@ -79,6 +81,7 @@ class J2735Messages(MessageSet):
 
     _DECODERS: Mapping[int, Callable[[bytes], ReceivedMessage]] = {
         psid.BSM: bsm.decode,
+        psid.PSM: lambda data: bsm_of_psm(psm.decode(data)),
         psid.SENSOR_SHARING: sdsm.decode,
         # A road-side unit repeats its MAP message every second; a large one takes some ms.
         psid.MAP: lru_cache(maxsize=8)(map_data.decode),
@@ -113,18 +116,22 @@ LOW_FREQUENCY_S = 0.5
 
 
 class ItsMessages(MessageSet):
-    """ETSI ITS: the CAM, the DENM for events of vehicles, the CPM, MAPEM and SPATEM."""
+    """ETSI ITS: CAM, DENM for events of vehicles, VAM, CPM, MAPEM and SPATEM."""
 
     components: Mapping[int, str] = {
         psid.CAM: "cam",
         psid.DENM: "denm",
+        psid.VAM: "vam",
         psid.CPM: "cpm",
         psid.MAPEM: "mapem",
         psid.SPATEM: "spatem",
     }
 
-    _decode_map = staticmethod(lru_cache(maxsize=8)(decode_map))
-    """As of J2735's."""
+    _DECODERS: Mapping[int, Callable[[bytes], ReceivedMessage]] = {
+        psid.MAPEM: lru_cache(maxsize=8)(decode_map),  # as of J2735's
+        psid.SPATEM: decode_spat,
+        psid.CPM: cpm.decode,
+    }
 
     def __init__(self) -> None:
         self._low_frequency_at = self._cam_at = float("-inf")
@@ -163,12 +170,10 @@ class ItsMessages(MessageSet):
         utc_s: float,
         ssp: bytes | None = None,
     ) -> ReceivedMessage | None:
-        if service == psid.MAPEM:
-            return self._decode_map(data)
-        if service == psid.SPATEM:
-            return decode_spat(data)
-        if service == psid.CPM:
-            return cpm.decode(data)
+        if service in self._DECODERS:
+            return self._DECODERS[service](data)
+        if service == psid.VAM:
+            return bsm_of_vam(vam.decode(data), utc_s)
         if service == psid.DENM:
             notification = denm.decode(data)
             if signer_id is not None:

@@ -20,11 +20,18 @@ SPATEM = 0x89
 MAPEM = 0x8A
 """Road and lane topology of ETSI ITS (TS 102 965): the MAPEM."""
 
+VAM = 0x27E
+"""Vulnerable road users of ETSI ITS (TS 102 965): the VAM."""
+
 CPM = 0x27F
 """Collective perception of ETSI ITS (TS 102 965): the CPM."""
 
-AWARENESS = frozenset({BSM, CAM})
-"""Services whose messages each vehicle repeats: their certificate is attached now and then."""
+PSM = 0x27
+"""Vulnerable road users safety: the J2735 PersonalSafetyMessage."""
+
+AWARENESS = frozenset({BSM, CAM, PSM, VAM})
+"""Services whose messages each vehicle or person repeats: their certificate is attached now and
+then."""
 
 SPAT = 0x82
 """Intersection safety and awareness: the J2735 SPAT message."""
@@ -44,7 +51,7 @@ PEER_TO_PEER = 0x88
 CRL = 0x100
 """Certificate revocation lists (IEEE 1609.2, 7.4)."""
 
-J2735 = frozenset({BSM, SPAT, MAP, SENSOR_SHARING})
+J2735 = frozenset({BSM, PSM, SPAT, MAP, SENSOR_SHARING})
 """Services whose messages are J2735 MessageFrames."""
 
 PRIVATE_USE = range(0x4020, 0x4060)
@@ -72,7 +79,7 @@ NAMES = {
     CAM: "cooperative awareness",
     DENM: "decentralized environmental notification",
     0x26: "misbehavior reporting",
-    0x27: "vulnerable road users safety",
+    PSM: "vulnerable road users safety",
     0x7F: "testing",
     SPAT: "intersection safety and awareness",
     0x83: "traveler information and roadside signage",
@@ -84,6 +91,7 @@ NAMES = {
     SENSOR_SHARING: "sensor sharing service",
     0x91: "maneuver coordination service",
     CRL: "certificate revocation list",
+    VAM: "vulnerable road users",
     CPM: "collective perception",
     MAP: "intersection geometry",
     **dict.fromkeys(PRIVATE_USE, "private (unregistered) use"),

@@ -200,7 +200,6 @@ def test_damaged_packets_have_an_error_and_no_traceback(size: int, bit: int, at:
         (b"\x02\x0d" + bytes(8), Form.ITS, "13 (rtcmem)"),
         (b"\x02\x63" + bytes(8), Form.ITS, "99 (unknown)"),
         (bytes.fromhex("001f0412345678"), Form.AUTO, "message 31 (travelerInformation)"),
-        (bytes.fromhex("00200412345678"), Form.AUTO, "message 32 (personalSafetyMessage)"),
         (BASIC + b"\x20\x60" + bytes(60), Form.AUTO, "6.0"),
         (BASIC + b"\x30\x50\0\0\0\1\1\0" + bytes(60), Form.AUTO, "ipv6"),
     ],

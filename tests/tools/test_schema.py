@@ -18,8 +18,8 @@ from onboard.trace.trace_line import as_json, as_trace_record
 from tests.architecture.syntax import ROOT
 
 MESSAGES = {
-    "answer", "bsm", "cam", "cpm", "denm", "inquiry", "join", "leave", "map", "reply", "sdsm",
-    "spat", "update", "warn",
+    "answer", "bsm", "cam", "cpm", "denm", "inquiry", "join", "leave", "map", "psm", "reply",
+    "sdsm", "spat", "update", "vam", "warn",
 }  # fmt: skip
 """Traced as the content of `received` and `sent`."""
 NOT_TRACED = MESSAGES | {

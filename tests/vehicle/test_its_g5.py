@@ -10,11 +10,14 @@ import pytest
 
 from onboard.its_g5 import packet, ports
 from onboard.its_g5.awareness import cam_of
+from onboard.its_g5.congestion_control import airtime_s
 from onboard.its_g5.headers import Area, LongPositionVector
 from onboard.its_g5.its_timestamp import timestamp_ms
 from onboard.its_g5.notification import EventReports
+from onboard.its_g5.permissions import denm_ssp
 from onboard.messages import bsm as bsm_codec
-from onboard.messages import cam, cpm, denm
+from onboard.messages import cam, cpm, denm, vam
+from onboard.messages.bsm_core import VehicleSize
 from onboard.messages.cpm import (
     CollectivePerceptionMessage,
     ManagementContainer,
@@ -23,16 +26,22 @@ from onboard.messages.cpm import (
 )
 from onboard.messages.cpm_object import Coordinate, CpmObject, ObjectPosition
 from onboard.messages.its_common import ReferencePosition
-from onboard.observations import HardBrake, Position, Sensor
+from onboard.mvs.settings import MvsSettings
+from onboard.observations import HardBrake, Position, Sensor, Speed
 from onboard.security import ieee1609dot2, p256
 from onboard.security.credentials import Credentials
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.pseudonyms import Pseudonyms
 from onboard.security.security_services import SecurityServices
+from onboard.security.settings import PlateDigestSettings
+from onboard.sensors.host_state import HostState
 from onboard.settings import SettingsError, parse_settings
-from onboard.step import ReceivedWsm
-from onboard.tools.test_ca.authority import make_trial
+from onboard.step import ReceivedWsm, SentWsm
+from onboard.tools.test_ca.authority import SSPS_OF_CARS, make_trial
 from onboard.trace.trace_line import as_trace_record
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.its_g5_framing import ItsG5Framing
+from onboard.vehicle.shared_sensing import SharedSensing
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.capture import PcapWriter
@@ -41,6 +50,7 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
+from sim_rig.studies.attacks.persons import a_vam
 from tests.its_g5.test_awareness import SENT
 from tests.its_g5.test_notification import bsm
 from tests.messages.test_cpm import SENT as PERCEIVED
@@ -48,6 +58,7 @@ from tests.vehicle.platoon import SPEED_M_S, Platoon
 from tests.wave_udp.test_capture import needs_tshark, tshark
 
 UTC_S = 1_790_000_000.0
+RNG = np.random.default_rng(3)
 TRIAL = make_trial(
     ["AAA1", "BBB2"], psid.OF_ITS_VEHICLES, UTC_S, p256.key_from(np.random.default_rng(5))
 )
@@ -312,3 +323,110 @@ def test_scenarios_meet_their_expectations_with_its_g5(name: str) -> None:
     scenario = load_scenario(name, RadioProfile.ITS_G5).model_copy(update={"signed": True})
     judged = verdict(scenario, run_virtual(scenario))
     assert judged.outcome is Outcome.PASSED, judged
+
+
+def loaded(vehicle: Stack, until_s: float, share: float, speed_m_s: float = 30.0) -> list[SentWsm]:
+    """What a vehicle sends on a channel of which others take a share of the time."""
+    noise, sent = bytes(1000), list[SentWsm]()
+    count, now = share * 0.02 / airtime_s(len(noise)), 0.0
+    owed = 0.0
+    while now < until_s:
+        owed += count
+        frames = [ReceivedWsm(now, noise)] * int(owed)
+        owed -= int(owed)
+        north_deg = 48.0 + speed_m_s * now / 111_195
+        fix = Position(now, north_deg, 11.0, 500.0, 0.5, speed_m_s, 0.0)
+        sent += vehicle.step((fix, *frames), now).wsms
+        now = round(now + 0.02, 6)
+    return sent
+
+
+@pytest.mark.parametrize(("share", "interval_s"), [(0.05, 0.2), (0.55, 0.3), (0.75, 1.0)])
+def test_cams_are_made_when_the_gate_opens_and_are_new_when_sent(
+    share: float, interval_s: float
+) -> None:
+    """Every 0.2 s by the motion; the reactive gate opens after 0.05, 0.25 and 1 s."""
+    vehicle = its_car("AAA1", congestion_control="reactive")
+    sent = [wsm for wsm in loaded(vehicle, 9.0, share) if wsm.stamp_s > 4.0]
+    assert np.diff([wsm.stamp_s for wsm in sent]) == pytest.approx(interval_s, abs=0.06)
+    for wsm in sent:
+        made_s = cam.decode(packet.decode(wsm.data[4:]).payload).generation_delta_time_s
+        assert (timestamp_ms(UTC_S + wsm.stamp_s) - round(made_s * 1e3)) % 65_536 < 60
+
+
+def test_a_hard_braking_passes_a_closed_gate_at_once() -> None:
+    vehicle = its_car("AAA1", congestion_control="reactive")
+    sent = loaded(vehicle, 6.0, 0.75)
+    assert vehicle.step((), 6.0).wsms == []
+    outputs = vehicle.step((HardBrake(6.0, 7.0, source="obd"),), 6.01)
+    assert [_port(wsm.data) for wsm in outputs.wsms] == [2002]
+    assert len(sent) > 0
+
+
+def test_cams_and_cpms_take_turns_at_a_gate_that_opens_seldom(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    host = HostState()
+    sharing = SharedSensing(
+        MvsSettings(),
+        VehicleSize(),
+        Pseudonyms("AAA1", PlateDigest(PlateDigestSettings()), None, RNG).at(UTC_S),
+        RNG,
+        host,
+        now=0.0,
+        utc_offset_s=UTC_S,
+        etsi=True,
+    )
+    monkeypatch.setattr(sharing.mvs, "cpm_to_send", lambda _: PERCEIVED)
+    sharing.transmitter.receive_max_interval(0.1, 0.0)
+    sent: list[str] = []
+    opens_at = [0.0]
+    for now in np.arange(0.0, 4.0, 0.05):
+        for message in sharing.messages_to_send(now, lambda now: max(opens_at[-1], now)):
+            assert now >= opens_at[-1]
+            opens_at.append(now + 0.5)
+            sent.append(message.kind)
+    assert sent in (["bsm", "cpm"] * 4, ["cpm", "bsm"] * 4)
+
+
+def test_access_never_sends_more_often_than_the_gate_opens() -> None:
+    """An unsafe vehicle at rest: every 0.1 s on a free channel."""
+    for share, least, most in ((0.05, 35, 45), (0.75, 4, 5)):
+        vehicle = its_car("AAA1", congestion_control="reactive")
+        vehicle._vehicle._sharing.transmitter.receive_max_interval(0.1, 0.0)
+        sent = [wsm for wsm in loaded(vehicle, 8.0, share, 0.0) if wsm.stamp_s >= 4.0]
+        assert least <= len(sent) <= most
+
+
+def test_a_signer_says_only_what_its_certificate_permits() -> None:
+    """A DENM of a braking from who may report none; and an own DENM, which passes."""
+    rng = p256.key_from(np.random.default_rng(6))
+    for causes, reasons in ((None, []), ((), [("denm", "not_permitted")])):
+        ssps = SSPS_OF_CARS if causes is None else {**SSPS_OF_CARS, psid.DENM: denm_ssp(causes)}
+        trial = make_trial(["AAA1", "BBB2"], psid.OF_ITS_VEHICLES, UTC_S, rng, ssps=ssps)
+        driven = Platoon({plate: its_car(plate, trial[plate]) for plate in ("AAA1", "BBB2")})
+        drive(driven, 3.0)
+        driven.events.clear()
+        brake(driven)
+        refused = {(each.component, each.reason) for each in discarded(driven.events)}
+        assert refused == set(reasons)
+
+
+def test_a_person_on_the_road_is_perceived_and_warned_of() -> None:
+    """By VAMs: 60 m ahead, at 15 m/s."""
+    vehicle = its_car("AAA1")
+    levels = []
+    for tenth in range(1, 35):
+        now = 0.1 * tenth
+        north_deg = 48.0 + 15.0 * now / 111_195
+        fix = Position(now, north_deg, 11.0, 500.0, 0.5, 15.0, 0.0)
+        speed = Speed(now, 15.0, 0.1, "dbc")
+        person = vam.encode(a_vam(b"walk", (48.0 + 60.0 / 111_195, 11.0), UTC_S + now))
+        frame = ReceivedWsm(now, framed(person, ports.OF_SERVICES[psid.VAM]))
+        events = vehicle.step((speed, fix, frame), now).events
+        levels += [as_trace_record(event) for event in events if event.kind == "alarm"]
+        if tenth == 10:
+            _, others = vehicle.surroundings
+            assert [each.name for each in others] == [b"walk".hex()]
+    assert {each["cause"] for each in levels} == {"fcw"}
+    assert "warning" in {each["level"] for each in levels}

@@ -10,7 +10,7 @@ from itertools import chain, count
 from typing import Any
 
 from onboard.errors import DecodeError
-from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, sdsm, spat
+from onboard.messages import bsm, lcca, map_data, message_frame, mvs_footer, psm, sdsm, spat
 from onboard.security import ieee1609dot2
 from onboard.security.certificates import Certificate
 from onboard.security.ieee1609dot2 import SignedData, UnsecuredData
@@ -182,6 +182,8 @@ def _message_frame(data: bytes) -> _Layer:
             return _Layer(fields | {"map_data": map_data.as_dict(map_data.decode(data))})
         case spat.MESSAGE_ID:
             return _Layer(fields | {"spat": spat.as_dict(spat.decode(data))})
+        case psm.MESSAGE_ID:
+            return _Layer(fields | {"personal_safety_message": psm.as_dict(psm.decode(data))})
         case sdsm.MESSAGE_ID:
             shared_data = sdsm.as_dict(sdsm.decode(data))
             return _Layer(fields | {"sensor_data_sharing_message": shared_data})

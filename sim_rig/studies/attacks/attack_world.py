@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from onboard.kinematics.local_frame import LocalFrame
-from onboard.messages import cpm, sdsm
+from onboard.messages import cpm, psm, sdsm, vam
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
@@ -44,6 +44,7 @@ from onboard.vehicle.its_g5_framing import ItsG5Framing
 from onboard.vehicle.message_set import ItsMessages, J2735Messages, MessageSet
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid
+from sim_rig.studies.attacks.persons import a_psm, a_vam
 
 ORIGIN = LocalFrame(48.1, 11.5)
 SPEED_M_S = 14.0
@@ -147,6 +148,15 @@ class Signer:
             for each in self._messages.encode(message, now, self._utc_s + now)
         ]
         return awareness
+
+    def person_at(self, place_m: Place, now: float, temporary_id: bytes) -> bytes:
+        """Return a signed PSM in a WSM, or its VAM in a packet, of a person who stands there."""
+        if self.its_g5:
+            message = a_vam(temporary_id, placed(*place_m), self._utc_s + now)
+            return self.signed(vam.encode(message), psid.VAM, now)
+        self._sent += 1
+        person = a_psm(temporary_id, placed(*place_m), self._utc_s + now, self._sent % 128)
+        return self.signed(psm.encode(person), psid.PSM, now)
 
     def footer(self, number: int, place_m: Place, now: float) -> bytes:
         """Return a footer with a vehicle without radio, as if measured now."""

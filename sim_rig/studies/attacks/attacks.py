@@ -7,11 +7,12 @@ from functools import partial
 
 import numpy as np
 
+from onboard.its_g5.permissions import denm_ssp
 from onboard.observations import VehicleDetection
 from onboard.risk.adjacent_lane import LANE_M
 from onboard.risk.alarm import Alarm, Level
 from onboard.security.p256 import key_from
-from onboard.tools.test_ca.authority import make_trial
+from onboard.tools.test_ca.authority import SSPS_OF_CARS, make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks import brakings_ahead
 from sim_rig.studies.attacks.attack_counts import AttackCounts
@@ -115,6 +116,9 @@ class AttackKind(StrEnum):
     CAM = "crossing vehicle, by CAM"
     CPM = "crossing vehicle, by CPM"
     DENM = "vehicle ahead that brakes hard, by DENM"
+    UNPERMITTED_DENM = "vehicle ahead that brakes hard, by DENM that is not permitted"
+    VAM = "person ahead, by VAM"
+    PSM = "person ahead, by PSM"
     SPATEM = "red lights for true vehicles, by MAPEM and SPATEM"
     LEAVES = "leaves in the followers' names"
 
@@ -143,12 +147,16 @@ def run_host(
     by_its_g5 = attack in BY_ITS_G5
     if by_its_g5:
         services = psid.OF_ITS_VEHICLES if checks else psid.OF_ITS_VEHICLES | psid.SIGNALS
+    if attack in (AttackKind.VAM, AttackKind.PSM):
+        services |= {psid.VAM if by_its_g5 else psid.PSM}
+    unpermitted = checks and attack is AttackKind.UNPERMITTED_DENM
     trial = make_trial(
         ["host", *names],
         services,
         START_UTC_S,
         new_key,
         pseudonyms=several,
+        ssps={**SSPS_OF_CARS, **({psid.DENM: denm_ssp(causes=())} if unpermitted else {})},
     )
     radio = ITS_G5 if by_its_g5 else None
     host = AttackedHost(trial["host"], START_UTC_S, checks=checks, radio=radio)
@@ -346,6 +354,21 @@ def braking_by_denm(
     yield from signer.events
 
 
+def braking_by_denm_alone(
+    host: AttackedHost, signer: Signer, insider: int, now: float
+) -> Iterator[bytes]:
+    """The same by DENM, without CAMs, which would show falling speeds."""
+    for _ in braking_ahead(host, signer, insider, now):
+        yield from signer.events
+
+
+def person_ahead(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
+    """One person after the other stands where the host drives."""
+    number, into_s = divmod(now + 1.1 * insider, PASS_S)
+    place_m = 0.0, host.north_m + SPEED_M_S * (PASS_S - into_s)
+    yield signer.person_at(place_m, now, _id(insider, int(number)))
+
+
 def same_id(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
     """A vehicle that stands aside, under the ID of the next true one, before that is heard."""
     number = insider + int(now // TRUE_EVERY_S)
@@ -373,11 +396,17 @@ CLAIMS: dict[AttackKind, Claims] = {
     AttackKind.CAM: crossing_bsm,
     AttackKind.CPM: crossing_cpm,
     AttackKind.DENM: braking_by_denm,
+    AttackKind.UNPERMITTED_DENM: braking_by_denm_alone,
+    AttackKind.VAM: person_ahead,
+    AttackKind.PSM: person_ahead,
     AttackKind.EARLY_SIGNALS: early_red_lights,
     AttackKind.SPATEM: red_lights,
 }
 """The messages of each attack by BSMs."""
-BY_ITS_G5 = frozenset({AttackKind.CAM, AttackKind.CPM, AttackKind.DENM, AttackKind.SPATEM})
+BY_ITS_G5 = frozenset({
+    AttackKind.CAM, AttackKind.CPM, AttackKind.DENM, AttackKind.UNPERMITTED_DENM, AttackKind.VAM,
+    AttackKind.SPATEM,
+})  # fmt: skip
 """Attacks in which all radios have ITS-G5."""
 ITS_G5 = {"endpoint": "raw", "interface": "air", "profile": "its-g5"}
 """Radio settings of the host then."""

@@ -186,3 +186,29 @@ def test_made_up_certificates_keep_no_vehicle_unknown(outsiders: int) -> None:
     counts = run_certificate_flood((1,), START_UTC_S, MEETS_S + LEARNS_S, outsiders)
 
     assert (counts.true_alarms, counts.true_missed) == (2, 0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("attack", [AttackKind.VAM, AttackKind.PSM])
+def test_an_insider_alarms_by_persons_three_times_at_most_and_without_checks_for_ever(
+    attack: AttackKind,
+) -> None:
+    checked, unchecked = (
+        run_host(attack, (1,), 40.0, insiders=1, checks=checks) for checks in (True, False)
+    )
+
+    assert 1 <= checked.false_alarms <= 3
+    assert unchecked.false_alarms > 3
+    assert (checked.true_missed, unchecked.true_missed) == (0, 0)
+
+
+@pytest.mark.long
+def test_a_denm_that_the_certificate_does_not_permit_alarms_nobody() -> None:
+    checked, unchecked = (
+        run_host(AttackKind.UNPERMITTED_DENM, (1,), 40.0, insiders=1, checks=checks)
+        for checks in (True, False)
+    )
+
+    assert checked.false_alarms == 0
+    assert unchecked.false_alarms > 0
+    assert (checked.true_missed, unchecked.true_missed) == (0, 0)

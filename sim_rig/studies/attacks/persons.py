@@ -1,0 +1,58 @@
+"""Messages of persons with a radio who stand still, as insiders make them up."""
+
+from onboard.its_g5.awareness import ELLIPSE_SIGMAS, PERIOD_MS
+from onboard.its_g5.its_timestamp import timestamp_ms
+from onboard.its_g5.road_users import PEDESTRIAN
+from onboard.messages.bsm_core import PositionalAccuracy
+from onboard.messages.cam import Acceleration, BasicContainer
+from onboard.messages.its_common import (
+    ConfidenceEllipse,
+    ReferencePosition,
+    ReportedHeading,
+    ReportedSpeed,
+)
+from onboard.messages.map_data import ReferencePoint
+from onboard.messages.psm import PersonalDeviceUser, PersonalSafetyMessage
+from onboard.messages.vam import MOTION_PRESENT, Vam, VruMotion, VruParameters
+
+PERSON_SIGMA_M = 0.5
+"""That they claim."""
+
+
+def a_vam(station_id: bytes, place_deg: tuple[float, float], utc_s: float) -> Vam:
+    """Return the VAM of a pedestrian who stands at a latitude and longitude."""
+    ellipse = ConfidenceEllipse(PERSON_SIGMA_M * ELLIPSE_SIGMAS, PERSON_SIGMA_M * ELLIPSE_SIGMAS)
+    return Vam(
+        station_id,
+        timestamp_ms(utc_s) % PERIOD_MS / 1e3,
+        VruParameters(
+            has_additions=False,
+            present=MOTION_PRESENT,
+            basic=BasicContainer(PEDESTRIAN, ReferencePosition(*place_deg, ellipse)),
+            motion=VruMotion(
+                has_additions=False,
+                present=0,
+                heading=ReportedHeading(0.0),
+                speed=ReportedSpeed(0.0),
+                acceleration=Acceleration(0.0),
+            ),
+        ),
+    )
+
+
+def a_psm(
+    temporary_id: bytes, place_deg: tuple[float, float], utc_s: float, msg_cnt: int
+) -> PersonalSafetyMessage:
+    """Return the PSM of a pedestrian who stands at a latitude and longitude."""
+    return PersonalSafetyMessage(
+        has_additions=False,
+        present=0,
+        basic_type=PersonalDeviceUser.PEDESTRIAN,
+        sec_mark_s=round(utc_s * 1e3) % 60_000 / 1e3,
+        msg_cnt=msg_cnt,
+        temporary_id=temporary_id,
+        position=ReferencePoint(*place_deg),
+        accuracy=PositionalAccuracy(PERSON_SIGMA_M, PERSON_SIGMA_M),
+        speed_m_s=0.0,
+        heading_rad=0.0,
+    )
