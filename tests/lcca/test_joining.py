@@ -275,17 +275,33 @@ def test_a_lost_sensor_ends_the_membership_after_a_stated_time(
     assert b.group.state is GroupState.MEMBER
 
 
-@pytest.mark.parametrize(("has_bsms", "cause"), [(False, "no_answer"), (True, "leader_silent")])
+@pytest.mark.parametrize(
+    ("has_bsms", "answered_s", "cause", "left_s"),
+    [
+        (False, 0.3, "no_answer", DEFAULTS.membership_lifetime_s),
+        (True, 0.3, "no_answer", 0.3 + DEFAULTS.membership_lifetime_s),
+        (True, 1.0, "leader_silent", DEFAULTS.leader_silence_s),
+    ],
+)
 def test_a_silent_predecessor_is_left_and_a_silent_follower_expires(
-    cause: str, *, has_bsms: bool
+    answered_s: float, cause: str, left_s: float, *, has_bsms: bool
 ) -> None:
+    """By what was received of it last, some time after its last reply: that, or a BSM."""
     road = Road(Air(has_bsms=has_bsms))
     a, b, c = road.add_row("ABC")
-    road.run(2.0)
+    road.run(4.0)
+    before = len(road.sent)
+    while not any(
+        isinstance(each.message, Reply) and each.message.to_id == C for each in road.sent[before:]
+    ):
+        road.run(0.01)
+    replied_at = road.now
+    road.run(answered_s)
     b.has_radio = False
     road.run(3.2)
     assert events_of(a)[-1] == (GroupEvent.UNFOLLOWED, "expired")
     assert events_of(c)[-1] == (GroupEvent.LEFT_ALONE, cause)
+    assert c.transitions[-1].stamp_s - replied_at == pytest.approx(left_s, abs=0.11)  # a frame
     b.has_radio = True
     road.run(1.0)
     assert places(road) == true_places(road)
