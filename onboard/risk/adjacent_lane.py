@@ -1,13 +1,14 @@
 """The vehicles in the lane into which the driver is about to change."""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
 from onboard.observations import Side
 from onboard.risk.alarm import Assessment, Level, object_reason
-from onboard.risk.situation import Situation
+from onboard.risk.bsm_data import BsmDataStore
+from onboard.risk.path_ahead import PathAhead
 from onboard.tracking.perceived_object import PerceivedObject
 
 LEAST_SPEED_M_S = 8.0
@@ -24,7 +25,7 @@ OLDEST_S = 0.6
 
 @dataclass(frozen=True, slots=True)
 class AdjacentVehicle:
-    """A vehicle in the lane into which the driver is about to change, beside the host or behind."""
+    """A vehicle that may be in the lane into which the driver is about to change."""
 
     behind_m: float
     """From its front to the rear of the host vehicle; negative while both overlap."""
@@ -33,49 +34,50 @@ class AdjacentVehicle:
     warning: Assessment
     """Of changing over; its value is the probability that the vehicle is in that lane."""
 
+    def is_there(self, *, was_there: bool = False) -> bool:
+        """Whether it is in that lane; `was_there` says if it was at the last assessment."""
+        return self.warning.value >= (STILL_LIKELY if was_there else LIKELY)
+
 
 def adjacent_vehicles(
-    situation: Situation, warned_of: Collection[str] = ()
+    own: PerceivedObject,
+    own_length_m: float,
+    others: Sequence[PerceivedObject],
+    side: Side,
+    *,
+    path: PathAhead,
+    bsm_data: BsmDataStore,
 ) -> Iterator[AdjacentVehicle]:
-    """Yield the vehicles beside and behind in the lane to which the host vehicle signals.
-
-    Both turn signals at once are the hazard signal, and announce nothing.
+    """Yield the vehicles beside and behind that may be in the lane on that side.
 
     Args:
-        situation: at present.
-        warned_of: names of those that were there at the last assessment.
+        own: the host vehicle.
+        own_length_m: its length.
+        others: the perceived objects.
+        side: on which the lane is.
+        path: the host vehicle's.
+        bsm_data: what the others report beside their motion.
     """
-    own, sides = situation.own, situation.host.turn_signals(situation.now)
-    if own is None or len(sides) != 1 or math.hypot(*own.state[2:]) < LEAST_SPEED_M_S:
+    own_m_s = math.hypot(*own.state[2:])
+    if own_m_s < LEAST_SPEED_M_S:
         return
-    (side,) = sides
-    for other in situation.others:
-        if other.age_s <= OLDEST_S:
-            found = _adjacent(own, other, side, situation)
-            likely = STILL_LIKELY if other.name in warned_of else LIKELY
-            if found is not None and found.warning.value >= likely:
-                yield found
-
-
-def _adjacent(
-    own: PerceivedObject, other: PerceivedObject, side: Side, situation: Situation
-) -> AdjacentVehicle | None:
-    place = situation.path.predicted_place(own, other)
-    if place is None or situation.bsm_data.is_on_another_level(other, abs(place.ahead_m)):
-        return None
-    lengths_m = (situation.own_size_m[0] + situation.bsm_data.size_m(other.name)[0]) / 2.0
-    if place.ahead_m > lengths_m:
-        return None
-    along = math.cos(place.course_rad), math.sin(place.course_rad)
-    speed_m_s = sum(map(math.prod, zip(along, other.state[2:], strict=True)))
-    variance = place.left_sigma_m**2 + _across_m2(own, along) + _across_m2(other, along)
-    to_side = NormalDist(place.left_m if side == "left" else -place.left_m, math.sqrt(variance))
-    probability = to_side.cdf(1.5 * LANE_M) - to_side.cdf(0.5 * LANE_M)
-    return AdjacentVehicle(
-        -place.ahead_m - lengths_m,
-        speed_m_s - math.hypot(*own.state[2:]),
-        Assessment(Level.WARNING, probability, (object_reason(other, own),), other.name),
-    )
+    for other in others:
+        place = path.predicted_place(own, other) if other.age_s <= OLDEST_S else None
+        if place is None or bsm_data.is_on_another_level(other, abs(place.ahead_m)):
+            continue
+        lengths_m = (own_length_m + bsm_data.size_m(other.name)[0]) / 2.0
+        if place.ahead_m > lengths_m:
+            continue
+        along = math.cos(place.course_rad), math.sin(place.course_rad)
+        speed_m_s = sum(map(math.prod, zip(along, other.state[2:], strict=True)))
+        variance = place.left_sigma_m**2 + _across_m2(own, along) + _across_m2(other, along)
+        to_side = NormalDist(place.left_m if side == "left" else -place.left_m, math.sqrt(variance))
+        probability = to_side.cdf(1.5 * LANE_M) - to_side.cdf(0.5 * LANE_M)
+        yield AdjacentVehicle(
+            -place.ahead_m - lengths_m,
+            speed_m_s - own_m_s,
+            Assessment(Level.WARNING, probability, (object_reason(other, own),), other.name),
+        )
 
 
 def _across_m2(vehicle: PerceivedObject, along: tuple[float, float]) -> float:

@@ -4,7 +4,6 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard.risk.adjacent_lane import adjacent_vehicles
 from onboard.risk.alarm import Cause
 from onboard.risk.application import Application, Assessed
 from onboard.risk.settings import RiskSettings
@@ -28,8 +27,9 @@ class BlindSpotWarning(Application):
     def assess(self, situation: Situation) -> Assessed:
         beside = [
             each.warning
-            for each in adjacent_vehicles(situation, self._warned_of)
+            for each in situation.adjacent_vehicles
             if each.behind_m <= BLIND_SPOT_M
+            and each.is_there(was_there=each.warning.vehicle in self._warned_of)
         ]
         self._warned_of = {warning.vehicle for warning in beside}
         return beside

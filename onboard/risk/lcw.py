@@ -4,7 +4,6 @@ from typing import ClassVar
 
 from typing_extensions import override
 
-from onboard.risk.adjacent_lane import adjacent_vehicles
 from onboard.risk.alarm import Cause
 from onboard.risk.application import Application, Assessed
 from onboard.risk.bsw import BLIND_SPOT_M
@@ -29,6 +28,7 @@ class LaneChangeWarning(Application):
     def assess(self, situation: Situation) -> Assessed:
         return [
             each.warning
-            for each in adjacent_vehicles(situation)
+            for each in situation.adjacent_vehicles
             if BLIND_SPOT_M < each.behind_m <= CLOSING_S * each.closing_speed_m_s
+            and each.is_there()
         ]

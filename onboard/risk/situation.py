@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from onboard.kinematics.heading import Heading
 from onboard.observations import Speed
+from onboard.risk.adjacent_lane import AdjacentVehicle, adjacent_vehicles
 from onboard.risk.bsm_data import BsmDataStore
 from onboard.risk.path_ahead import PathAhead
 from onboard.risk.signal_intent import NO_SIGNALS, Signals
@@ -13,7 +15,7 @@ from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import PerceivedObject
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Situation:
     """The host vehicle, and the vehicles around it."""
 
@@ -44,3 +46,24 @@ class Situation:
     def speed(self) -> Speed | None:
         """Speed of the host vehicle on its bus; `None` if it is not known."""
         return self.host.speed(self.now)
+
+    @cached_property
+    def adjacent_vehicles(self) -> Sequence[AdjacentVehicle]:
+        """Those that may be in the lane to which the host vehicle signals.
+
+        Both turn signals at once are the hazard signal, and announce nothing.
+        """
+        sides = self.host.turn_signals(self.now)
+        if self.own is None or len(sides) != 1:
+            return ()
+        (side,) = sides
+        return tuple(
+            adjacent_vehicles(
+                self.own,
+                self.own_size_m[0],
+                self.others,
+                side,
+                path=self.path,
+                bsm_data=self.bsm_data,
+            )
+        )
