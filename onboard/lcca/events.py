@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from onboard.lcca.transitions import GroupEvent, GroupState
-from onboard.messages.lcca import CarId, Warn
-from onboard.observations import BrakeCause, Lead
+from onboard.messages.lcca import CarId, GroupMessage, Warn
+from onboard.observations import BrakeCause, Discarded, Lead
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,3 +196,8 @@ class WarningOver:
     """As in `WarningRaised`."""
     reason: str
     """`over`: its vehicle says so; `expired`: no warning of it has been accepted for some time."""
+
+
+def discarded(reason: str, message: GroupMessage, now: float) -> Discarded:
+    """Return that a message is discarded, for a counted reason."""
+    return Discarded(now, "lcca", reason, f"{message.kind} from {message.sender_id.hex()}")

@@ -1,9 +1,9 @@
 """One vehicle's part in its warning group (LCCA, section 3): the core without I/O.
 
 It puts the parts together: `lead_monitor` tells whether to join the lead, `membership` sends joins,
-`group_position` holds leader and number, `followers` who follows, `own_braking` the own state,
-`active_warnings` that of the vehicles ahead, `forwarding` repeats messages, and `transitions` alone
-decides the state in the group. docs/design/lcca.md states what the paper leaves open.
+`group_position` holds leader and number, `followers` who follows, `group_warnings` the brakings,
+and `transitions` alone decides the state in the group. docs/design/lcca.md states what the paper
+leaves open.
 """
 
 from collections import deque
@@ -12,24 +12,14 @@ import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
-from onboard.lcca.acceptance import warn_refusal
-from onboard.lcca.active_warnings import ActiveWarnings
 from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
-from onboard.lcca.events import (
-    MeasuredLead,
-    Transition,
-    WarningLevel,
-    WarningOver,
-    WarningRaised,
-)
+from onboard.lcca.events import MeasuredLead, Transition, discarded
 from onboard.lcca.followers import Followers
-from onboard.lcca.forwarding import EventId, Forwarding, Reach, event_of
 from onboard.lcca.group_position import LARGEST_ADVANCE, GroupPosition
+from onboard.lcca.group_warnings import GroupWarnings, WarningEvents
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.membership import Membership
-from onboard.lcca.own_braking import OwnBraking
 from onboard.lcca.parameters import GroupParameters
-from onboard.lcca.refused_warnings import RefusedWarnings
 from onboard.lcca.transitions import GroupEvent, GroupState, next_state
 from onboard.messages.lcca import (
     NO_ID,
@@ -42,18 +32,13 @@ from onboard.messages.lcca import (
     Update,
     Warn,
 )
-from onboard.observations import Discarded, HardBrake
+from onboard.observations import HardBrake
 
 __all__ = ["MeasuredLead", "WarningGroup"]
 
-GroupEvents = Transition | WarningRaised | WarningLevel | WarningOver | Discarded
+GroupEvents = Transition | WarningEvents
 
 _SEQUENCES = 1 << 16
-_NO_EVENT: EventId = (NO_ID, 0)
-_REFUSED_BY_GROUP = ("not_in_group", "other_group")
-"""Reasons that end when the vehicle joins that group."""
-_MAX_ACKNOWLEDGEMENTS = 8
-"""Acknowledgements waiting to be sent; the oldest is dropped, and its warning repeated."""
 
 
 class WarningGroup(Core):
@@ -76,8 +61,6 @@ class WarningGroup(Core):
             proves_ids: whether certificates name the IDs of their vehicles: what a braking vehicle
                 has signed is then its own statement, whoever repeats it.
         """
-        self._proves_ids = proves_ids
-        self._parameters = parameters
         self._rng = rng
         self._adjacent_ids = AdjacentIds(parameters.id_change_s)
         self._state = GroupState.REGULAR
@@ -87,13 +70,15 @@ class WarningGroup(Core):
         self._lead_monitor = LeadMonitor(parameters)
         self._membership = Membership(parameters, self._lead_monitor, rng)
         self._followers = Followers(parameters)
-        self._reach = Reach(parameters, proves_ids=proves_ids)
-        self._forwarding = Forwarding(parameters, self._position, self._followers, self._reach, rng)
-        self._own_braking = OwnBraking(parameters, rng)
-        self._active_warnings = ActiveWarnings(parameters)
-        self._refused_warnings = RefusedWarnings(parameters.event_lifetime_s)
-        self._event_sequence = int(rng.integers(_SEQUENCES))
-        self._to_acknowledge: deque[EventId] = deque(maxlen=_MAX_ACKNOWLEDGEMENTS)
+        self._warnings = GroupWarnings(
+            parameters,
+            self._position,
+            self._membership,
+            self._followers,
+            self._adjacent_ids,
+            rng=rng,
+            proves_ids=proves_ids,
+        )
         self._to_answer: list[Join] = []
         self._outbox: list[GroupMessage] = []
         self._events: deque[GroupEvents] = deque()
@@ -150,13 +135,13 @@ class WarningGroup(Core):
 
     def receive_hard_brake(self, brake: HardBrake, now: float) -> None:
         """Warn the members behind, and all that join while it lasts, of the own hard braking."""
-        self._own_braking.receive_hard_brake(brake, self._position.own_id, now)
-        self._send_braking_if_due(now)
+        self._warnings.receive_hard_brake(brake, now)
+        self._send_warns_if_due(now)
 
     def has_ahead(self, warn: Warn, now: float) -> bool:
         """Whether a vehicle that sent this warning itself so states to be ahead in this group."""
         own = self._adjacent_ids.translated(warn, now)
-        if self._is_from_predecessor(own):
+        if self._membership.follows(own.sender_id):
             return True
         return own.leader_id == self.leader_id and own.number < self.group_number
 
@@ -167,25 +152,18 @@ class WarningGroup(Core):
     def set_own_id(self, car_id: CarId, now: float) -> None:
         """Take the own ID of a new epoch; all vehicles change theirs at about this time.
 
-        The predecessor takes this one for another follower, and hears at once what was received.
-
-        Sequence numbers begin anew, and a braking that lasts has a new name, so that they do not
-        link the IDs.
+        Sequence numbers begin anew, so that they do not link the IDs.
         """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
-        self._event_sequence = int(self._rng.integers(_SEQUENCES))
-        self._forwarding.change_epoch(now)
-        self._own_braking.rename(car_id, now)
         self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
         self._membership.change_sequence()
-        self._to_acknowledge.extend(map(event_of, self._active_warnings.warnings))
-        self._membership.join_soon(now)
+        self._warnings.change_epoch(now)
 
     def _rename(self, names: Renamed) -> None:
         self._position.rename(names.leaders)
         self._lead_monitor.rename(names.cars)
         self._membership.rename(names.cars)
-        self._active_warnings.rename(names.cars)
+        self._warnings.rename(names.cars)
 
     def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
@@ -193,9 +171,7 @@ class WarningGroup(Core):
         if message.sender_id == self._position.own_id:
             self._discard("own_echo", message, now)
             return
-        distance = message.number - self._position.number
-        if distance > 0 and message.leader_id == self._position.leader_id:
-            self._reach.receive_distance(message.sender_id, distance, now)
+        self._warnings.receive_header(message, now)
         match message:
             case Join():
                 self._receive_join(message, now)
@@ -212,7 +188,7 @@ class WarningGroup(Core):
         """Take that a BSM of this vehicle has arrived: it is still there, and within reach."""
         car_id = self._adjacent_ids.present(car_id, now)
         self._membership.receive_bsm(car_id, now)
-        self._reach.receive_bsm(car_id, now)
+        self._warnings.receive_bsm(car_id, now)
         if self._followers.receive_bsm(car_id, now):
             self._apply_event(GroupEvent.UNFOLLOWED, "expired", now)
 
@@ -228,11 +204,7 @@ class WarningGroup(Core):
     def get_timer(self) -> float:
         """When `handle_timer` is due; infinite if nothing is planned."""
         return min(
-            self._membership.get_timer(),
-            self._followers.get_timer(),
-            self._forwarding.get_timer(),
-            self._own_braking.get_timer(),
-            self._active_warnings.get_timer(),
+            self._membership.get_timer(), self._followers.get_timer(), self._warnings.get_timer()
         )
 
     @override
@@ -244,9 +216,8 @@ class WarningGroup(Core):
         if reason is not None:
             self._leave(reason, now)
         self._join_if_due(now)
-        self._send_braking_if_due(now)
-        self._events.extend(self._active_warnings.expire(now))
-        self._forward_if_due(now)
+        self._events.extend(self._warnings.expire(now))
+        self._send_warns_if_due(now)
 
     @override
     def next_event(self) -> GroupEvents | None:
@@ -256,60 +227,40 @@ class WarningGroup(Core):
     # Following the predecessor
 
     def _join_if_due(self, now: float) -> None:
-        join = self._membership.next_join(now)
-        if join is None:
-            return
-        acknowledged = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
-        self._outbox.append(Join(*self._position.header, *join, *acknowledged))
-        if self._to_acknowledge:
-            self._membership.join_soon(now)
+        join = self._membership.next_join(self._position.header, now)
+        if join is not None:
+            self._outbox.append(join)
 
     def _receive_reply(self, reply: Reply, now: float) -> None:
-        followed = self._membership.predecessor
-        if reply.to_id != self._position.own_id:
+        position, followed = self._position, self._membership.predecessor
+        newer = position.is_newer(reply.leader_id, reply.leader_sequence)
+        if reply.to_id != position.own_id:
             if reply.to_id == followed:
-                moved = (reply.leader_id, reply.number + 2) != self._position.in_group
-                newer = self._position.is_newer(reply.leader_id, reply.leader_sequence)
+                moved = (reply.leader_id, reply.number + 2) != position.in_group
                 self._membership.receive_predecessor_reply(now, moved=moved, newer=newer)
             return
+        taken = (reply.leader_id, reply.number + 1, reply.leader_sequence)
         refusal = self._membership.refusal(reply, now)
+        if refusal is None and position.forms_loop(*taken, now):
+            refusal = "loop"
         if refusal is not None:
             self._discard(refusal, reply, now)
             return
-        joins = reply.sender_id != followed
-        position = (reply.leader_id, reply.number + 1)
-        forms_loop = self._position.forms_loop(*position, reply.leader_sequence, now)
-        if forms_loop and (joins or position != self._position.in_group):
-            self._discard("loop", reply, now)
-        if forms_loop and joins:
-            return
-        newer = not forms_loop and self._position.is_newer(reply.leader_id, reply.leader_sequence)
         self._membership.receive_reply(reply, newer=newer, now=now)
-        if NO_ID != reply.next_leader_id != self._position.own_id:
+        if NO_ID != reply.next_leader_id != position.own_id:
             self._adjacent_ids.receive_next_leader(reply.leader_id, reply.next_leader_id)
-        if self._to_acknowledge:
-            self._membership.join_soon(now)
+        joins = reply.sender_id != followed
         if joins and followed is not None:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
-        if not forms_loop:
-            before = self._position.in_group
-            if joins and position[0] != before[0]:
-                self._forwarding.drop_others()
-            self._move(
-                position,
-                reply.leader_sequence,
-                GroupEvent.JOINED if joins else None,
-                "answered",
-                now,
-            )
-            self._announce(before, now)
-            self._judge_again(now)
+        if joins and reply.leader_id != position.leader_id:
+            self._warnings.leave_group()
+        self._move(*taken, now, event=GroupEvent.JOINED if joins else None, cause="answered")
 
     def _leave(self, reason: LeaveReason, now: float) -> None:
         if self._membership.predecessor is not None:
             self._send_leave(self._membership.predecessor, reason)
         self._membership.leave(now)
-        self._forwarding.drop_others()
+        self._warnings.leave_group()
         before = self._position.in_group
         self._position.become_first()
         event = GroupEvent.LEFT_LEADING if self._followers else GroupEvent.LEFT_ALONE
@@ -321,31 +272,31 @@ class WarningGroup(Core):
 
     def _move(
         self,
-        position: tuple[CarId, int],
+        leader_id: CarId,
+        number: int,
         leader_sequence: int,
+        now: float,
+        *,
         event: GroupEvent | None,
         cause: str,
-        now: float,
     ) -> None:
         """Take a position as a member; without an `event` it may be a renumbering."""
         before = self._position.in_group
-        self._position.take(*position, leader_sequence, now)
-        if event is None and before != position:
+        self._position.take(leader_id, number, leader_sequence, now)
+        if event is None and before != self._position.in_group:
             event = GroupEvent.RENUMBERED
         if event is not None:
             self._apply_event(event, cause, now)
+        self._announce(before, now)
+        self._events.extend(self._warnings.judge_again(self._state, now))
+        self._join_if_due(now)
 
     # Being followed
 
     def _receive_join(self, join: Join, now: float) -> None:
         is_for_us = join.to_id == self._position.own_id
-        if is_for_us and join.sender_id not in self._followers:
-            is_close = self._lead_monitor.shows_close(self._membership.predecessor)
-            self._forwarding.add_recipient(join.sender_id, now, is_close=is_close)
-        acknowledged = (join.acknowledged_origin_id, join.acknowledged_sequence)
-        if acknowledged != _NO_EVENT and (is_for_us or join.leader_id == self._position.leader_id):
-            behind = 1 if is_for_us else join.number - self._position.number
-            self._forwarding.receive_acknowledgement(acknowledged, join.sender_id, behind, now)
+        is_close = self._lead_monitor.shows_close(self._membership.predecessor)
+        self._warnings.receive_join(join, now, is_close=is_close)
         if not is_for_us:
             return
         if join.sender_id in (self._membership.predecessor, self._position.leader_id):
@@ -380,122 +331,25 @@ class WarningGroup(Core):
 
     def _receive_update(self, update: Update, now: float) -> None:
         """Follow the predecessor, and nobody else, to another position."""
-        if not self._is_from_predecessor(update):
+        if not self._membership.follows(update.sender_id):
             return
-        before, moved = self._position.in_group, (update.leader_id, update.number + 1)
-        sequence = update.leader_sequence
-        if moved == before:
+        moved = (update.leader_id, update.number + 1, update.leader_sequence)
+        if moved[:2] == self._position.in_group:
             self._discard("up_to_date", update, now)
-        elif self._position.forms_loop(*moved, sequence, now):
+        elif self._position.forms_loop(*moved, now):
             self._discard("loop", update, now)
         else:
-            if self._position.is_newer(update.leader_id, sequence):
+            if self._position.is_newer(update.leader_id, update.leader_sequence):
                 self._membership.receive_leader_sequence(now)
-            self._move(moved, sequence, None, "update", now)
-            self._announce(before, now)
-            self._judge_again(now)
+            self._move(*moved, now, event=None, cause="update")
 
     def _receive_warn(self, warn: Warn, now: float) -> None:
-        from_predecessor = self._is_from_predecessor(warn)
-        distance = self._distance(warn)
-        if warn.event_origin_id == self._position.own_id or self._own_braking.is_own(warn):
-            refusal: str | None = "own_echo"
-        elif self._forwarding.is_duplicate(warn, now):
-            refusal = "duplicate"
-            if from_predecessor:  # It repeats because the acknowledgement was lost.
-                self._acknowledge(warn, distance, now)
-            if from_predecessor or warn.leader_id == self._position.leader_id:
-                self._forwarding.receive_duplicate(warn, distance, now)
-        elif self._active_warnings.is_outdated(warn):
-            refusal = "outdated"
-            if from_predecessor:
-                self._acknowledge(warn, distance, now)
-        else:
-            refusal = self._warn_refusal(warn)
-            if refusal in _REFUSED_BY_GROUP:
-                self._refused_warnings.receive_warn(warn, now)
-        if refusal is not None:
-            self._discard(refusal, warn, now)
-            return
-        self._accept(warn, now)
-        self._forwarding.receive_first(warn, distance, now)
-        self._forward_if_due(now)
+        self._events.extend(self._warnings.receive_warn(warn, self._state, now))
+        self._join_if_due(now)
+        self._send_warns_if_due(now)
 
-    def _judge_again(self, now: float) -> None:
-        """Accept those warnings of the group just joined that were received before."""
-        for refused in self._refused_warnings.take(now):
-            warn = self._adjacent_ids.translated(refused, now)
-            if self._warn_refusal(warn) is None:
-                self._accept(warn, now)
-                self._forwarding.receive_late(warn, self._distance(warn), now)
-            else:
-                self._refused_warnings.receive_warn(warn, now)
-
-    def _warn_refusal(self, warn: Warn) -> str | None:
-        return warn_refusal(
-            warn,
-            self._state,
-            self._position,
-            from_predecessor=self._is_from_predecessor(warn),
-            is_proved=self._proves_ids and warn.stated_at_s is not None,
-            lifetime_s=self._parameters.event_lifetime_s,
-        )
-
-    def _distance(self, warn: Warn) -> int:
-        """How many vehicles ahead the sender is."""
-        return 1 if self._is_from_predecessor(warn) else self._position.number - warn.number
-
-    def _accept(self, warn: Warn, now: float) -> None:
-        car_id = self._adjacent_ids.present(warn.event_origin_id, now)
-        self._events.extend(self._active_warnings.receive_warn(warn, car_id, self._position, now))
-        self._acknowledge(warn, self._distance(warn), now)
-
-    def _send_braking_if_due(self, now: float) -> None:
-        braking = self._own_braking
-        braking.end_test(now)
-        if not braking.is_due(now):
-            return
-        sequence = self._next_event_sequence()
-        warn = Warn(
-            *self._position.header,
-            event_origin_id=braking.origin_id,
-            event_sequence=sequence,
-            reach=self._reach.of_cause(braking.cause, now),
-            origin_number=self._position.number,
-            first_sequence=sequence if braking.first_sequence is None else braking.first_sequence,
-            cause=braking.cause,
-            deceleration_m_s2=braking.deceleration_m_s2,
-            age_s=braking.age_s(now),
-            hops=1,
-        )
-        braking.sent(sequence, now)
-        if self._state is not GroupState.REGULAR:
-            self._outbox.append(warn)
-        self._forwarding.originate(warn, now)
-
-    def _acknowledge(self, warn: Warn, distance: int, now: float) -> None:
-        """Name the warning in the next join, and advance that join."""
-        if event_of(warn) not in self._to_acknowledge:
-            self._to_acknowledge.append(event_of(warn))
-        if self._forwarding.is_last_forwarder(warn, distance):
-            self._membership.join_at_once(now)
-            self._join_if_due(now)
-        else:
-            self._membership.join_soon(now)
-
-    def _forward_if_due(self, now: float) -> None:
-        due_at = self._forwarding.get_timer()
-        if now < due_at:
-            return
-        is_member = self._state is GroupState.MEMBER
-        self._outbox += self._forwarding.copies_to_send(is_member=is_member, now=now)
-
-    def _is_from_predecessor(self, message: GroupMessage) -> bool:
-        return message.sender_id == self._membership.predecessor
-
-    def _next_event_sequence(self) -> int:
-        self._event_sequence = (self._event_sequence + 1) % _SEQUENCES
-        return self._event_sequence
+    def _send_warns_if_due(self, now: float) -> None:
+        self._outbox += self._warnings.warns_to_send(self._state, now)
 
     def _apply_event(self, event: GroupEvent, cause: str, now: float) -> None:
         before, self._state = self._state, next_state(self._state, event)
@@ -512,5 +366,4 @@ class WarningGroup(Core):
         )
 
     def _discard(self, reason: str, message: GroupMessage, now: float) -> None:
-        detail = f"{message.kind} from {message.sender_id.hex()}"
-        self._events.append(Discarded(now, "lcca", reason, detail))
+        self._events.append(discarded(reason, message, now))

@@ -9,16 +9,21 @@ answers to a misread plate, and the next frames show the right one again.
 """
 
 import math
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from onboard.lcca.forwarding import EventId
 from onboard.lcca.lead_monitor import LeadMonitor
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import CarId, LeaveReason, Reply
+from onboard.messages.lcca import NO_ID, CarId, Join, LeaveReason, Reply
 
 _NEVER = float("-inf")
 _SEQUENCES = 1 << 16
+_NO_EVENT: EventId = (NO_ID, 0)
+_MAX_ACKNOWLEDGEMENTS = 8
+"""Acknowledgements waiting to be sent; the oldest is dropped, and its warning repeated."""
 _MAX_DOUBLINGS = 16
 _LAG_S = 0.25
 """By which a vehicle behind the first follower refreshes later: the reply to its predecessor, which
@@ -53,6 +58,11 @@ class Membership:
         self._sequence_at = _NEVER
         self._refresh_by = _NEVER
         """Until then BSMs may put the next join off; in the past if it is no refresh."""
+        self._to_acknowledge: deque[EventId] = deque(maxlen=_MAX_ACKNOWLEDGEMENTS)
+
+    def follows(self, car_id: CarId) -> bool:
+        """Whether that vehicle is the predecessor."""
+        return car_id == self.predecessor
 
     def receive_frame(self, own_id: CarId, now: float) -> None:
         """Update the candidate after a frame that the lead monitor has received."""
@@ -72,8 +82,8 @@ class Membership:
         self._unanswered = 0
         self.join_at_once(now)
 
-    def next_join(self, now: float) -> tuple[CarId, int] | None:
-        """Return receiver and sequence number of a join that is due, and plan its repetition."""
+    def next_join(self, header: tuple[CarId, CarId, int], now: float) -> Join | None:
+        """Return a join that is due, under the own ID, leader and number; plan the next one."""
         if self._candidate is not None and now >= self._close_until(self._candidate):
             self._set_candidate(None, now)
         to_id = self._candidate if self._candidate is not None else self.predecessor
@@ -85,7 +95,18 @@ class Membership:
         self._unanswered = min(self._unanswered + 1, _MAX_DOUBLINGS)
         self._join_at, self._refresh_by = now + wait_s + self._spread(), _NEVER
         self._sequence = (self._sequence + 1) % _SEQUENCES
-        return to_id, self._sequence
+        acknowledged = self._to_acknowledge.popleft() if self._to_acknowledge else _NO_EVENT
+        if self._to_acknowledge:
+            self.join_soon(now)
+        return Join(*header, to_id, self._sequence, *acknowledged)
+
+    def acknowledge(self, events: Iterable[EventId], now: float, *, at_once: bool = False) -> None:
+        """Name these warnings in the next joins, and advance the first of these."""
+        self._to_acknowledge.extend(each for each in events if each not in self._to_acknowledge)
+        if at_once:
+            self.join_at_once(now)
+        else:
+            self.join_soon(now)
 
     def join_soon(self, now: float) -> None:
         """Advance the next join to a random moment within `spread_s`."""
@@ -157,6 +178,8 @@ class Membership:
             spread_s = self._spread()
             self._refresh_by = by + spread_s
             self._join_at = min(now + self._parameters.refresh_s, by) + spread_s
+        if self._to_acknowledge:
+            self.join_soon(now)
 
     def receive_leader_sequence(self, now: float) -> None:
         """Take a newer leader sequence number from a vehicle ahead."""

@@ -10,7 +10,7 @@ import pytest
 
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.errors import DecodeError
-from onboard.lcca import acceptance, asking, group, identification, identity_posterior
+from onboard.lcca import acceptance, asking, group_warnings, identification, identity_posterior
 from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
 from onboard.lcca.followers import Followers
 from onboard.lcca.membership import Membership
@@ -136,7 +136,9 @@ AS_JOIN: Check = (Followers, "receive_bsm", _as_join)
 OWN_SENSORS: Check = (RiskResponse, "_request_braking", _by_all)
 
 CONTROLS: dict[AttackKind, Control] = {
-    AttackKind.GROUP_ENDS: Control((ORIGIN, (group, "warn_refusal", _end_of_anybody)), _missed),
+    AttackKind.GROUP_ENDS: Control(
+        (ORIGIN, (group_warnings, "warn_refusal", _end_of_anybody)), _missed
+    ),
     AttackKind.GROUP_EARLY: Control((ORIGIN,), _false),
     AttackKind.HIJACK: Control((PROOF,), _late),
     AttackKind.JOINS: Control((PROOF, UNIQUE), _missed),
