@@ -105,6 +105,9 @@ class Area:
     """Direction of the length, clockwise from north."""
 
 
+AREA = Record(Area)
+
+
 @dataclass(frozen=True, slots=True)
 class GeoBroadcast:
     """Extended header of a packet to all in an area (9.8.5)."""
@@ -112,7 +115,7 @@ class GeoBroadcast:
     sequence: Annotated[int, Unsigned(16)]
     reserved: Annotated[int, Unsigned(16)]
     source: Annotated[LongPositionVector, POSITION_VECTOR]
-    area: Annotated[Area, Record(Area)]
+    area: Annotated[Area, AREA]
     reserved_end: Annotated[int, Unsigned(16)] = 0
 
 

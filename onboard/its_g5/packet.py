@@ -34,7 +34,8 @@ _SHAPES: Final = range(3)
 """Subtypes of a geo-broadcast: circle, rectangle, ellipse."""
 _MAXIMUM_HOPS_AT: Final = 6
 """Octet of the common header."""
-_LIFETIME_UNITS_S: Final = 0.05, 1.0, 10.0, 100.0
+LIFETIME_UNITS_S: Final = 0.05, 1.0, 10.0, 100.0
+"""By the base of a lifetime."""
 
 RecordT = TypeVar("RecordT")
 
@@ -138,7 +139,7 @@ def with_basic_header(
         NextHeader.SECURED if is_secured else NextHeader.COMMON,
         reserved=0,
         lifetime_multiplier=min(max(1, -int(-lifetime_s // 1)), 63),
-        lifetime_base=_LIFETIME_UNITS_S.index(1.0),
+        lifetime_base=LIFETIME_UNITS_S.index(1.0),
         remaining_hops=hops,
     )
     return BASIC.encode(header) + content

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import struct
 import sys
 from pathlib import Path
@@ -154,7 +155,7 @@ def test_headers_are_what_tshark_reads(tmp_path: Path) -> None:
         ("geonw.src_pos.lat", source["latitude_deg"] / 1e-7),
         ("geonw.src_pos.long", source["longitude_deg"] / 1e-7),
         ("geonw.src_pos.speed", source["speed_m_s"] / 0.01),
-        ("geonw.src_pos.hdg", source["heading_deg"] / 0.1),
+        ("geonw.src_pos.hdg", math.degrees(source["heading_rad"]) / 0.1),
         ("geonw.gxc.latitude", area["latitude_deg"] / 1e-7),
         ("geonw.gxc.distancea", area["distance_a_m"]),
         ("geonw.gxc.distanceb", area["distance_b_m"]),

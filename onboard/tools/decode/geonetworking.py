@@ -1,40 +1,50 @@
-"""GeoNetworking and BTP headers (ETSI EN 302 636-4-1 V1.4.1, clause 9; EN 302 636-5-1 V2.2.1)."""
+"""GeoNetworking and BTP headers for printing: all kinds of packets, declared in `onboard/its_g5`.
 
-import struct
+Of kinds that vehicles here do not receive (EN 302 636-4-1 V1.4.1, 9.8), who sends them is read.
+"""
+
 from dataclasses import dataclass
 from typing import Any
 
 from onboard.errors import DecodeError
-
-VERSIONS = (0, 1)
-_ANY, _COMMON, _SECURED = range(3)
-"""Next headers of the basic header (table 4)."""
-_LIFETIME_UNITS_S = 0.05, 1.0, 10.0, 100.0
-_TENTH_MICRODEGREE, _CM_S, _TENTH_DEGREE = 1e-7, 0.01, 0.1
+from onboard.its_g5 import packet
+from onboard.its_g5.headers import (
+    AREA,
+    BTP_B,
+    COMMON,
+    GEO_BROADCAST,
+    POSITION_VECTOR,
+    SINGLE_HOP,
+    CommonHeader,
+    NextHeader,
+    Transport,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """Extended header of a packet type (9.8)."""
+    """Extended header of a packet type."""
 
     name: str
     size_bytes: int
-    source_at: int
-    """Where the long position vector of the source begins."""
-    area_at: int | None = None
+    source_at: int = 4
+    """Where the long position vector of the source begins, here behind the sequence number."""
+    has_area: bool = False
+    """Whether an area follows it."""
 
 
-_SINGLE_HOP = 28
-_AREA = 28
+_TOPOLOGICALLY_SCOPED = 5
+_SINGLE_HOP = _Kind("single_hop_broadcast", SINGLE_HOP.size_bytes, 0)
+_MULTI_HOP = _Kind("topologically_scoped_broadcast", 28)
 _KINDS = {
-    1: _Kind("beacon", 24, 0),
-    2: _Kind("geounicast", 48, 4),
-    3: _Kind("geoanycast", 44, 4, _AREA),
-    4: _Kind("geobroadcast", 44, 4, _AREA),
+    1: _Kind("beacon", POSITION_VECTOR.size_bytes, 0),
+    2: _Kind("geounicast", 48),
+    3: _Kind("geoanycast", GEO_BROADCAST.size_bytes, has_area=True),
+    4: _Kind("geobroadcast", GEO_BROADCAST.size_bytes, has_area=True),
 }
 _SHAPES = "circle", "rectangle", "ellipse"
-_TRANSPORTS = {1: "btp_a", 2: "btp_b", 3: "ipv6"}
-"""Next headers of the common header (table 6)."""
+_SECOND_FIELDS = {Transport.BTP_A: "source_port", Transport.BTP_B: "destination_port_info"}
+"""What follows the port of the destination."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,26 +59,23 @@ class Header:
     """Destination port of BTP."""
 
 
-def read_basic(packet: bytes) -> Header:
+def read_basic(data: bytes) -> Header:
     """Read the basic header (9.6), and without security the headers behind it.
 
     Raises:
-        DecodeError: `too_short`, `bad_version` or another reason of `read_common`.
+        DecodeError: `too_short`, `unknown_version`, `unknown_next_header` or another reason of
+            `read_common`.
     """
-    first, lifetime, hops = _unpack(">BxBB", packet, 0)
-    version, following = first >> 4, first & 0x0F
-    if version not in VERSIONS:
-        raise DecodeError("bad_version", str(version))
+    header, content = packet.read_basic_header(data)
+    unit_s = packet.LIFETIME_UNITS_S[header.lifetime_base]
     fields = {
-        "version": version,
-        "lifetime_s": (lifetime >> 2) * _LIFETIME_UNITS_S[lifetime & 3],
-        "remaining_hop_limit": hops,
+        "version": header.version,
+        "lifetime_s": header.lifetime_multiplier * unit_s,
+        "remaining_hop_limit": header.remaining_hops,
     }
-    if following == _SECURED:
-        return Header(fields, packet[4:], is_secured=True)
-    if following not in {_ANY, _COMMON}:
-        raise DecodeError("unknown_next_header", str(following))
-    common = read_common(packet[4:])
+    if header.next_header is NextHeader.SECURED:
+        return Header(fields, content, is_secured=True)
+    common = read_common(content)
     return Header(fields | common.fields, common.content, port=common.port)
 
 
@@ -79,74 +86,40 @@ def read_common(data: bytes) -> Header:
         DecodeError: `too_short`; `unknown_header_type` for location services and others; or
             `unknown_transport` for what is not BTP.
     """
-    following, header, traffic_class, flags, size, max_hops = _unpack(">BBBBHBx", data, 0)
-    following >>= 4
-    kind = _kind(header >> 4, header & 0x0F)
-    extended = data[8 : 8 + kind.size_bytes]
-    source = _position_vector(extended, kind.source_at)
+    common = COMMON.decode(data[: COMMON.size_bytes])
+    kind = _kind(common)
+    extended = data[COMMON.size_bytes :][: kind.size_bytes]
+    end = kind.source_at + POSITION_VECTOR.size_bytes
+    source = POSITION_VECTOR.decode(extended[kind.source_at : end])
     fields = {
         "packet": kind.name,
-        "traffic_class": traffic_class,
-        "mobile": bool(flags & 0x80),
-        "maximum_hop_limit": max_hops,
-        "source": source,
+        "traffic_class": common.traffic_class,
+        "mobile": common.is_mobile,
+        "maximum_hop_limit": common.maximum_hops,
+        "source": POSITION_VECTOR.as_dict(source),
     }
-    if kind.area_at is not None:
-        fields["area"] = _area(extended, kind.area_at, header & 0x0F)
-    start = 8 + kind.size_bytes
-    payload = data[start : start + size]
-    if len(payload) < size:
-        raise DecodeError("too_short", f"{len(payload)} of {size} octets")
-    if size == 0:
+    if kind.has_area:
+        shape = common.header_subtype
+        area = AREA.as_dict(AREA.decode(extended[end : end + AREA.size_bytes]))
+        fields["area"] = {"shape": _SHAPES[shape] if shape < len(_SHAPES) else shape} | area
+    payload = data[COMMON.size_bytes + kind.size_bytes :][: common.payload_bytes]
+    if len(payload) < common.payload_bytes:
+        raise DecodeError("too_short", f"{len(payload)} of {common.payload_bytes} octets")
+    if not payload:
         return Header(fields, b"")
-    if _TRANSPORTS.get(following) not in {"btp_a", "btp_b"}:
-        name = _TRANSPORTS.get(following, str(following))
+    transport = common.transport
+    if not isinstance(transport, Transport) or transport not in _SECOND_FIELDS:
+        name = transport.name.lower() if isinstance(transport, Transport) else str(transport)
         raise DecodeError("unknown_transport", name)
-    port, second = _unpack(">HH", payload, 0)
-    other = "source_port" if _TRANSPORTS[following] == "btp_a" else "destination_port_info"
-    fields[_TRANSPORTS[following]] = {"destination_port": port, other: second}
-    return Header(fields, payload[4:], port=port)
+    btp = BTP_B.decode(payload[: BTP_B.size_bytes])
+    second = _SECOND_FIELDS[transport]
+    fields[transport.name.lower()] = {"destination_port": btp.port, second: btp.port_info}
+    return Header(fields, payload[BTP_B.size_bytes :], port=btp.port)
 
 
-def _kind(header_type: int, subtype: int) -> _Kind:
-    if header_type == 5:  # topologically scoped broadcast
-        multi_hop = _Kind("topologically_scoped_broadcast", 28, 4)
-        return multi_hop if subtype else _Kind("single_hop_broadcast", _SINGLE_HOP, 0)
-    if header_type not in _KINDS:
-        raise DecodeError("unknown_header_type", f"{header_type}.{subtype}")
-    return _KINDS[header_type]
-
-
-def _position_vector(data: bytes, at: int) -> dict[str, Any]:
-    """Long position vector (9.5.2)."""
-    address, timestamp_ms, latitude, longitude, speed, heading = _unpack(">QIiiHH", data, at)
-    signed_speed = (speed & 0x7FFF) - (speed << 1 & 0x8000)
-    return {
-        "gn_address": f"{address:016x}",
-        "station_type": address >> 58 & 0x1F,
-        "timestamp_ms": timestamp_ms,
-        "latitude_deg": latitude * _TENTH_MICRODEGREE,
-        "longitude_deg": longitude * _TENTH_MICRODEGREE,
-        "position_accurate": bool(speed >> 15),
-        "speed_m_s": signed_speed * _CM_S,
-        "heading_deg": heading * _TENTH_DEGREE,
-    }
-
-
-def _area(data: bytes, at: int, shape: int) -> dict[str, Any]:
-    latitude, longitude, distance_a_m, distance_b_m, angle_deg = _unpack(">iiHHH", data, at)
-    return {
-        "shape": _SHAPES[shape] if shape < len(_SHAPES) else shape,
-        "latitude_deg": latitude * _TENTH_MICRODEGREE,
-        "longitude_deg": longitude * _TENTH_MICRODEGREE,
-        "distance_a_m": distance_a_m,
-        "distance_b_m": distance_b_m,
-        "angle_deg": angle_deg,
-    }
-
-
-def _unpack(form: str, data: bytes, at: int) -> tuple[Any, ...]:
-    try:
-        return struct.unpack_from(form, data, at)
-    except struct.error as error:
-        raise DecodeError("too_short", "ends within a header") from error
+def _kind(common: CommonHeader) -> _Kind:
+    if common.header_type == _TOPOLOGICALLY_SCOPED:
+        return _MULTI_HOP if common.header_subtype else _SINGLE_HOP
+    if common.header_type not in _KINDS:
+        raise DecodeError("unknown_header_type", f"{common.header_type}.{common.header_subtype}")
+    return _KINDS[common.header_type]
