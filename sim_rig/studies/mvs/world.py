@@ -29,6 +29,7 @@ from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from onboard.vehicle.shared_sensing import SharedSensing
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
+from sim_rig.studies.lcca.sparse_road import wandered
 from sim_rig.studies.mvs.ranging_sensor import RangingSensor
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
 from sim_rig.studies.mvs.world_settings import WorldSettings
@@ -51,6 +52,23 @@ class TrueMeasurement:
     """In the frame of `ORIGIN`."""
 
 
+class SlowError:
+    """The error of a receiver that varies slowly, by a generator of its own."""
+
+    def __init__(self, settings: WorldSettings, rng: np.random.Generator) -> None:
+        """Draw the first one."""
+        self._sigma_m, self._times = settings.bias_sigma_m, TICK_S / settings.bias_time_s
+        self._rng = rng
+        self.error_m: Array = self._sigma_m * rng.standard_normal(2)
+        """(2,) of the last fix."""
+
+    def go_on(self) -> Array:
+        """Let a tick pass; returns `error_m`."""
+        draws = self._rng.standard_normal(2)
+        self.error_m = wandered(self.error_m, self._sigma_m, self._times, draws)
+        return self.error_m
+
+
 @dataclass(slots=True, eq=False)
 class WorldCar:
     """A car with a radio."""
@@ -60,6 +78,8 @@ class WorldCar:
     bus: SampledBus
     phase_s: float
     """Time into each tick at which it acts."""
+    bias: SlowError
+    """Of its receiver."""
     observations: list[Speed | HardBrake | Position] = field(default_factory=list)
     """Of its bus and receiver in the last tick; when it joins, also those of the time before."""
     received: list[BasicSafetyMessage] = field(default_factory=list)
@@ -214,7 +234,8 @@ class MvsWorld:
             tracks_sensed=self._tracks_sensed,
         )
         bus = SampledBus(self.settings.bus_speed_step_m_s)
-        self.cars[name] = car = WorldCar(host, sharing, bus, phase_s)
+        bias = SlowError(self.settings, np.random.default_rng([self._seed, *own_id, 3]))
+        self.cars[name] = car = WorldCar(host, sharing, bus, phase_s, bias)
         motion = float(cars.speed_m_s[own]), float(cars.acceleration_m_s2[own])
         for earlier in bus.earlier_samples(*motion, self.now + phase_s):
             car.receive_observation(earlier, earlier.stamp_s)
@@ -252,13 +273,14 @@ class MvsWorld:
     def _fix(self, cars: Cars, own: int, speed_m_s: float) -> Position:
         settings = self.settings
         noisy_m = cars.middle_m[own] + settings.position_sigma_m * self._rng.normal(size=2)
+        noisy_m += self.cars[cars.names[own]].bias.go_on()
         velocity_m_s = speed_m_s * cars.ahead[own]
         east_m_s, north_m_s = velocity_m_s + settings.speed_sigma_m_s * self._rng.normal(size=2)
         return Position(
             self.now,
             *to_degrees(noisy_m),
             None,
-            settings.position_sigma_m,
+            math.hypot(settings.position_sigma_m, settings.bias_sigma_m),
             math.hypot(east_m_s, north_m_s),
             math.atan2(east_m_s, north_m_s) % math.tau,
         )

@@ -37,7 +37,11 @@ class WorldSettings(Settings):
     plate_lens: LensSettings | None = None
     """Lens of a camera that reads plates, with which cars run LCCA (`mvs/lcca.py`)."""
     position_sigma_m: float = Field(0.4, gt=0.0)
-    """Standard deviation of a fix, on each horizontal axis."""
+    """Standard deviation of the white error of a fix, on each horizontal axis."""
+    bias_sigma_m: float = Field(0.0, ge=0.0, le=20.0)
+    """Standard deviation of the slowly varying error of each receiver, on each horizontal axis."""
+    bias_time_s: float = Field(60.0, gt=0.0, le=3600.0)
+    """Correlation time of that error (first-order Gauss-Markov process)."""
     speed_sigma_m_s: float = Field(0.1, ge=0.0)
     """Of each component of the velocity; the error of the course follows from it."""
     bus_speed_step_m_s: float = Field(KM_H, gt=0.0)
