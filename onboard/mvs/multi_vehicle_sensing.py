@@ -38,6 +38,7 @@ from onboard.mvs.remote_vehicles import (
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import Discarded, Position, VehicleDetection
+from onboard.tracking.common_errors import common_variance_m2
 from onboard.tracking.evidence import (
     Measurement,
     ProvenanceSpans,
@@ -54,6 +55,9 @@ from onboard.tracking.tracks import DEFAULTS, TRACKS_AT_ONCE, TrackingParameters
 UPDATE_S = 0.05
 """Tracks are updated no more often than this; bounds computing time."""
 
+MAX_OBSERVER_SIGMA_M = 2.0
+"""Largest error of an observer's position that its measurements are taken to share: otherwise one
+that states a larger one could make every vehicle that it measures too uncertain to be reported."""
 _MAX_WAITING_FOOTERS = 256
 """Footers that wait for the next update; with more, they are processed at once."""
 _COMPLETE = object()
@@ -103,7 +107,7 @@ class MultiVehicleSensing(Core):
         """Senders of SDSMs or CPMs that send no BSMs or CAMs."""
         self._sdsms = 0
         """Sent under the present ID."""
-        self._tracks = Tracks(tracking)
+        self._tracks = Tracks(tracking, self._observer_sigma_m)
         self._sensed_tracks = Tracks(tracking) if tracks_sensed else None
         """Of own measurements alone."""
         self._all_tracks = [self._tracks]
@@ -394,6 +398,11 @@ class MultiVehicleSensing(Core):
         now_ms, q = self._utc_ms(now), self._parameters.acceleration_density
         objects = []
         states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
+        common_m2 = [
+            common_variance_m2(track.estimate.provenance, self._other_sigma_m) for track in tracks
+        ]
+        covariances[0, 0] += common_m2
+        covariances[1, 1] += common_m2
         for track, state, covariance in zip(
             tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
         ):
@@ -548,6 +557,16 @@ class MultiVehicleSensing(Core):
     def _wire_number(self, track: Track) -> int:
         """Return the number of a track on the air, the same in all messages."""
         return self._evidence_to_send.sent.wire_number(track, self._tracks)
+
+    def _observer_sigma_m(self, observer: bytes) -> float:
+        """Standard deviation of an observer's position; of one that is not received, the host's."""
+        remote = self._remote_vehicles.get(observer) or self._road_side_units.get(observer)
+        reported = self._own_state() if remote is None else remote.reported
+        return min(math.sqrt(float(reported.covariance[0, 0])), MAX_OBSERVER_SIGMA_M)
+
+    def _other_sigma_m(self, observer: bytes) -> float:
+        """The same, 0 for the host vehicle: its measurements are off as its own position is."""
+        return 0.0 if observer in self._own_ids else self._observer_sigma_m(observer)
 
     def _own_state(self) -> ReportedState:
         own = self._host.state()

@@ -53,6 +53,8 @@ class Track:
         """Times of the first and of the last evidence."""
         self.add(first)
         self.estimate = as_estimate(first.piece)
+        self.common_variance_m2 = 0.0
+        """Of its position on either axis, beside that in `estimate` (`common_errors.py`)."""
         self.is_confirmed = False
         """Whether there was evidence of enough different times; before, it is tentative."""
         self.is_reported = False

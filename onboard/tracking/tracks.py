@@ -22,6 +22,7 @@ from onboard.tracking.association import (
     UnassociatedEvidence,
     compare,
 )
+from onboard.tracking.common_errors import ObserverSigma, common_variance_m2
 from onboard.tracking.evidence import as_arrays
 from onboard.tracking.evidence_store import (
     OWN,
@@ -93,8 +94,13 @@ DEFAULTS = TrackingParameters()
 class Tracks:
     """All tracks of vehicles without radio; times are ms of UTC."""
 
-    def __init__(self, parameters: TrackingParameters = DEFAULTS) -> None:
+    def __init__(
+        self,
+        parameters: TrackingParameters = DEFAULTS,
+        observer_sigma_m: ObserverSigma = lambda _: 0.0,
+    ) -> None:
         self._parameters = parameters
+        self._observer_sigma_m = observer_sigma_m
         self._tracks: list[Track] = []
         self.merged: list[tuple[Track, Track]] = []
         """By the last update: what was kept, and what it was merged with."""
@@ -159,6 +165,9 @@ class Tracks:
         fuse_chosen(changed, self._store, now_ms, q)
         if len(tracks) > TRACKS_AT_ONCE:
             yield
+        for track in changed:
+            provenance = track.estimate.provenance
+            track.common_variance_m2 = common_variance_m2(provenance, self._observer_sigma_m)
         for track in self._tracks:
             track.settle(now_ms - SETTLED_MS)
             track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS
@@ -361,6 +370,9 @@ class Tracks:
         """The estimates of all tracks with a speed prior, as evidence is compared with them."""
         if self._cached_states is None:
             estimates = as_arrays([track.estimate for track in self._tracks])
+            common_m2 = [track.common_variance_m2 for track in self._tracks]
+            estimates.covariances[0, 0] += common_m2
+            estimates.covariances[1, 1] += common_m2
             self._cached_states = with_speed_prior(estimates, PRIOR_SPEED_SIGMA_M_S)
         return self._cached_states
 

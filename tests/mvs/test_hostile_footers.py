@@ -21,7 +21,11 @@ from onboard.messages.mvs_footer import (
     SharedState,
 )
 from onboard.mvs.footer_coding import footer_of
-from onboard.mvs.multi_vehicle_sensing import UPDATE_S, MultiVehicleSensing
+from onboard.mvs.multi_vehicle_sensing import (
+    MAX_OBSERVER_SIGMA_M,
+    UPDATE_S,
+    MultiVehicleSensing,
+)
 from onboard.observations import Position, VehicleDetection
 from onboard.tracking.evidence import Estimate, Measurement, measurement_id, observer_of
 from onboard.tracking.fusion import propagate
@@ -409,3 +413,18 @@ def test_a_measurement_names_its_observer() -> None:
     footer = dataclasses.replace(footer_with(), measurements=(entry,))
 
     assert say(victim(), footer) == ["unknown_observer"]
+
+
+def test_a_sender_that_states_a_poor_position_makes_no_car_too_uncertain_to_be_reported() -> None:
+    mvs = victim()
+    for tenth in range(3):
+        at = NOW + tenth / 10
+        mvs.receive_position(Position(at, 48.1, 11.5, None, 0.5, 10.0, 0.0))
+        recent = [stamp_ms + tenth * 100 for stamp_ms in RECENT]
+        footer = footer_with(estimate_at(20, 60, recent), reference_ms=round(at * 1000))
+        poor = Position(at, 48.1009, 11.5, None, 50.0, 10.0, 0.0)
+        mvs.receive_bsm(ATTACKER, poor, mvs_footer.encode(footer), at)
+        mvs.update(at)
+
+    (track,) = mvs.reported_tracks()
+    assert 1.0 < track.common_variance_m2 < MAX_OBSERVER_SIGMA_M**2
