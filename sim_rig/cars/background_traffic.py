@@ -55,8 +55,6 @@ class BackgroundTraffic:
         """
         self._air = air
         self._at_s = at_s
-        settings = scenario.traffic
-        self._positions = None if settings is None else BackgroundPositions(settings, cars_at, rng)
         self._units = scenario.equipped
         names = background_names(scenario)
         self._cars = {name: _car(scenario, name, now, utc_s, credentials) for name in names}
@@ -64,6 +62,9 @@ class BackgroundTraffic:
             (now + SEND_INTERVAL_S * (1.0 + index / len(names)), name)
             for index, name in enumerate(names)
         ]
+        settings = scenario.traffic
+        # Last, since an error of what follows would leave SUMO open.
+        self._positions = None if settings is None else BackgroundPositions(settings, cars_at, rng)
 
     def receive_wsm(self, sender: str, wsm: bytes, user_priority: int, now: float) -> None:
         """Transmit a frame of an equipped car.

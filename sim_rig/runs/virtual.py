@@ -114,17 +114,6 @@ class _VirtualRun:
             START_UTC_S,
             credentials,
         )
-        self._air = BackgroundTraffic(
-            air,
-            scenario,
-            road.cars_at,
-            lambda now: now,
-            np.random.default_rng(seed),
-            now=0.0,
-            utc_s=START_UTC_S,
-            credentials=credentials,
-        )
-        self._air_planned_at = math.inf
         self.cars = {
             name: VirtualCar(
                 scenario,
@@ -141,6 +130,18 @@ class _VirtualRun:
             )
             for name, car_seed in zip(scenario.equipped, car_seeds, strict=True)
         }
+        # Last, since an error of what follows would leave SUMO open.
+        self._air = BackgroundTraffic(
+            air,
+            scenario,
+            road.cars_at,
+            lambda now: now,
+            np.random.default_rng(seed),
+            now=0.0,
+            utc_s=START_UTC_S,
+            credentials=credentials,
+        )
+        self._air_planned_at = math.inf
         self._agenda: list[tuple[float, int, VirtualCar | None]] = []
         self._order = count()
 

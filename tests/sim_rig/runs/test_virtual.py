@@ -1,13 +1,20 @@
 """Every scenario in virtual time: as expected, the same for the same seed, other for another."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from onboard.errors import UserError
+from onboard.obd.settings import BroadcastSettings
 from onboard.vehicle.stack import Stack
 from sim_rig.reporting.report import failures
+from sim_rig.roads.cars import Guests, Traffic
+from sim_rig.roads.crossing import IntersectionSettings, crossing
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
+from sim_rig.scenario.background_settings import BackgroundSettings
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.scenario.schema import Scenario, load_scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
@@ -101,3 +108,31 @@ def test_a_core_that_is_always_due_is_an_error_and_not_an_endless_run(
 
     with pytest.raises(RuntimeError, match=r"a timer stays due at 1.0 s"):
         run_virtual(load_scenario("fig4"))
+
+
+def test_a_user_error_leaves_no_source_of_traffic_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SUMO runs one simulation in a process: the next run would be refused."""
+    is_open = False
+
+    def opened(_: str, rng: np.random.Generator, __: Guests) -> Traffic:
+        nonlocal is_open
+        is_open = True
+        traffic = crossing(IntersectionSettings(), rng)
+        monkeypatch.setattr(traffic, "close", closed)
+        return traffic
+
+    def closed() -> None:
+        nonlocal is_open
+        is_open = False
+
+    monkeypatch.setattr("sim_rig.cars.background_positions.open_traffic", opened)
+    scenario = load_scenario("unsafe-driver")
+    broadcast = BroadcastSettings(dbc=Path("missing.dbc"), speed=("WHEELS.LEFT",))
+    cars = {
+        name: car.model_copy(update={"broadcast": broadcast}) for name, car in scenario.cars.items()
+    }
+    traffic = {"background_traffic": 1, "traffic": BackgroundSettings(source="sumo-crossing")}
+
+    with pytest.raises(UserError, match=r"missing\.dbc"):
+        run_virtual(scenario.model_copy(update={"cars": cars, **traffic}))
+    assert not is_open
