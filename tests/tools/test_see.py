@@ -2,6 +2,7 @@
 
 import csv
 import re
+import resource
 import shutil
 import textwrap
 from dataclasses import replace
@@ -306,6 +307,18 @@ def test_a_video_that_cannot_be_written_is_an_error(drive: Path, tmp_path: Path,
 def test_a_full_disk_is_an_error(drive: Path) -> None:
     with pytest.raises(UserError, match="/dev/full: cannot be written: No space left"):
         run(drive / "pictures", *options(drive), "--csv", "/dev/full")
+
+
+@pytest.mark.parametrize("name", ["seen.mp4", "seen.webm"])
+def test_a_video_on_a_full_disk_is_an_error(drive: Path, tmp_path: Path, name: str) -> None:
+    """A limit of the size of files, which the kernel enforces as a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        with pytest.raises(UserError, match=f"{name}: cannot be written: it is not whole"):
+            run(drive / "pictures", *options(drive), "--video", tmp_path / name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_an_internal_error_is_not_reported_as_a_full_disk(

@@ -222,11 +222,19 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
             raise ValueError(f"its name must end in {' or '.join(_VIDEO_CODECS)}")
         path.open("ab").close()  # OpenCV opens it with the first frame only
     writer = cv2.VideoWriter()
-    files.callback(writer.release)
-    size = 0, 0
+    size, written = (0, 0), 0
+
+    def close() -> None:
+        writer.release()
+        # OpenCV reports no error of writing.
+        with writing(path):
+            if written and not _is_whole(path, written):
+                raise ValueError("it is not whole; is the disk full?")
+
+    files.callback(close)
 
     def write(frame: AnnotatedFrame) -> None:
-        nonlocal size
+        nonlocal size, written
         image = frame.annotated()
         if min(image.shape[:2]) < 2:
             return
@@ -237,8 +245,19 @@ def _video_writer(path: Path, fps: float, files: contextlib.ExitStack) -> Use:
                 if not writer.open(str(path), cv2.VideoWriter.fourcc(*codec), fps, size):
                     raise ValueError(f"no video of {size[0]}x{size[1]} at {fps:g} a second")
         writer.write(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+        written += 1
 
     return write
+
+
+def _is_whole(video: Path, frames: int) -> bool:
+    """Whether a file has its last frame, and their number, which is written at its end."""
+    file = cv2.VideoCapture(str(video))
+    return (
+        file.get(cv2.CAP_PROP_FRAME_COUNT) > 0
+        and file.set(cv2.CAP_PROP_POS_FRAMES, frames - 1)
+        and file.grab()
+    )
 
 
 def _print_table(rows: list[dict[str, str]], report: Callable[[str], None]) -> None:
