@@ -1,6 +1,6 @@
 """What a package has and a checkout does not; all else is in pyproject.toml.
 
-The identity of the build is written into it (a checkout asks git), and the examples are copied.
+The identity of the build is written into it (a checkout asks git); examples and pages are copied.
 """
 
 import shutil
@@ -15,10 +15,11 @@ ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT))
 
 from onboard.recorder.build import present_build, write_build  # noqa: E402 (from this folder)
+from tools.site_pages import collect  # noqa: E402
 
 
 class WholePackage(build_py):
-    """Adds `build.json` and the examples; an editable installation has the checkout's."""
+    """Adds `build.json`, examples and pages; an editable installation has the checkout's."""
 
     def run(self) -> None:
         """Copy the modules, then what stands beside them."""
@@ -28,6 +29,7 @@ class WholePackage(build_py):
         package = Path(self.build_lib) / "onboard"
         write_build(present_build(), package)
         shutil.copytree(ROOT / "examples", package / "examples", dirs_exist_ok=True)
+        collect(package / "pages", programs=())
 
 
 class SourceWithIdentity(sdist):

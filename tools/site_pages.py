@@ -8,6 +8,7 @@ with the hook `on_config` below.
 import re
 import shutil
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,8 @@ _LINK = re.compile(r"\]\((?!\w+:)([^)\s#]+)")
 """A link to a file, without its anchor."""
 
 
-def collect(folder: Path) -> None:
-    """Write all pages into a new folder."""
+def collect(folder: Path, programs: Iterable[str] = PROGRAMS) -> None:
+    """Write all pages into a new folder, with the docstrings of these programs."""
     shutil.rmtree(folder, ignore_errors=True)
     for page in (page for pattern in PAGES for page in sorted(ROOT.glob(pattern))):
         text = page.read_text("utf-8")
@@ -31,7 +32,7 @@ def collect(folder: Path) -> None:
             elif linked.suffix != ".md":
                 _write(folder / linked.relative_to(ROOT), linked.read_bytes())
         _write(folder / page.relative_to(ROOT), text)
-    for program in PROGRAMS:
+    for program in programs:
         for package in sorted((ROOT / program).glob("*/__init__.py")):
             name = f"{program}.{package.parent.name}"
             _write(folder / "api" / f"{name}.md", f"# {name}\n\n::: {name}\n")

@@ -1,12 +1,26 @@
 """The command line of `onboard`."""
 
 import sys
+from pathlib import Path
 
 from onboard.errors import UserError
 from onboard.tools.command_line import VersionOption, command_line
 from onboard.tools.commands import LazyGroup
 
-app = command_line("The in-car daemon that warns the driver, and its tools.", LazyGroup)
+_PACKAGE = Path(__file__).parents[1]
+
+
+def first_page() -> Path:
+    """Return the first page of the documentation: of a package (`setup.py`), or of a checkout."""
+    packaged = _PACKAGE / "pages" / "README.md"
+    return packaged if packaged.exists() else _PACKAGE.parent / "README.md"
+
+
+app = command_line(
+    "The in-car daemon that warns the driver, and its tools.",
+    LazyGroup,
+    epilog=f"\b\nDocumentation: {first_page()}",  # a path is not wrapped
+)
 
 
 @app.callback()

@@ -12,6 +12,7 @@ def command_line(
     summary: str | None = None,
     group: type[typer.core.TyperGroup] | None = None,
     *,
+    epilog: str | None = None,
     add_completion: bool = True,
 ) -> typer.Typer:
     """Return a command line whose help also fits narrow terminals, logs and screen readers.
@@ -19,11 +20,13 @@ def command_line(
     Args:
         summary: first paragraph of its help.
         group: the class of the group of its commands.
+        epilog: last paragraph of its help.
         add_completion: add the options that install completion in the shell.
     """
     return typer.Typer(
         cls=group,
         help=summary,
+        epilog=epilog,
         no_args_is_help=True,
         add_completion=add_completion,
         context_settings={"help_option_names": ["-h", "--help"]},

@@ -1,5 +1,6 @@
 """The package: an sdist builds the wheel, which has all that a first hour needs."""
 
+import re
 import subprocess
 import sys
 import tarfile
@@ -12,7 +13,7 @@ import pytest
 from onboard.errors import UserError
 from onboard.recorder.build import present_build
 from onboard.tools.example_cli import EXAMPLES, example
-from tests.docs.test_pages import ROOT
+from tests.docs.test_pages import PAGES, ROOT
 
 _STARTS_WITHIN_S = 60.0
 
@@ -67,6 +68,20 @@ def test_the_installed_desk_serves_its_page(installed: Path, tmp_path: Path) -> 
 
     assert "<title>" in text
     assert desk.returncode == 0
+
+
+@pytest.mark.long
+def test_the_installed_help_names_pages_whose_links_hold(installed: Path, tmp_path: Path) -> None:
+    path = f"import sys; sys.path.insert(0, {str(installed)!r})"
+    shown = run("-c", f"{path}; from onboard.tools.cli import app; app(['--help'])", cwd=tmp_path)
+
+    first = Path(shown.split("Documentation: ")[1].strip())
+    pages = list(first.parent.rglob("*.md"))
+    assert first == installed / "onboard" / "pages" / "README.md"
+    assert {page.name for page in pages} >= {path.name for path in PAGES}
+    for page in pages:
+        for target in re.findall(r"\]\((?!\w+:)([^)\s#]+)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), (page, target)
 
 
 def first_answer(address: str) -> str:
