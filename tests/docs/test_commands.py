@@ -1,12 +1,15 @@
 """The commands of the pages: their names exist, so that a reader can type them."""
 
 import re
+import shlex
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
 import typer
 
 from onboard.tools.commands import COMMANDS as ONBOARD_COMMANDS
+from onboard.tools.commands import imported
 from sim_rig.cli import app as sim_rig
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.studies.campaigns.catalogue import study_names
@@ -38,3 +41,19 @@ def test_every_command_that_a_page_names_exists(page: Path) -> None:
     assert named(r"sim-rig study ((?:[a-z][\w-]* ?)+)", page) <= set(study_names())
     assert named(r"(?m)(?:`|^    )make ([a-z-]+)", page) <= TARGETS
     assert named(r"python -m bench[ .]([a-z]\w*)", page) <= BENCHES
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_command_in_a_block_of_a_page_has_options_that_exist(page: Path) -> None:
+    """Commands are parsed, not run; a wrong or missing option ends the parser with an error."""
+    rig = a(typer.core.TyperGroup, typer.main.get_command(sim_rig)).commands
+    pattern = r"(?m)^ {4}(?:\.venv/bin/)?(onboard|sim-rig) ([a-z].*)$"
+    for program, line in re.findall(pattern, page.read_text("utf-8")):
+        words = takewhile(
+            lambda word: not re.match(r"[<>|&;]", word), shlex.split(line, comments=True)
+        )
+        name, *options = words
+        command = imported(name) if program == "onboard" else rig[name]
+        while isinstance(command, typer.core.TyperGroup):
+            command = command.commands[options.pop(0)]
+        command.make_context(name, options)
