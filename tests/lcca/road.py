@@ -60,6 +60,8 @@ class Car:
     has_camera: bool = True
     has_bus: bool = True
     has_radio: bool = True
+    is_disputed: bool = False
+    """Whether another sender uses its ID too, so that its BSMs do not count."""
     said: list[GroupEvents] = field(default_factory=list)
     wakes_at: float | None = None
 
@@ -228,7 +230,7 @@ class Road:
         if car.has_camera:
             car.group.receive_lead(self._seen_by(car), self.now)
         self._serve(car)
-        if self.air.has_bsms and car.has_radio:
+        if self.air.has_bsms and car.has_radio and not car.is_disputed:
             own_id = car_id(car.name, car.epoch)
             for other in self._in_reach(car):
                 if self._rng.uniform() >= self.air.loss:

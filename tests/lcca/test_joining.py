@@ -307,6 +307,19 @@ def test_a_silent_predecessor_is_left_and_a_silent_follower_expires(
     assert places(road) == true_places(road)
 
 
+def test_a_follower_whose_bsms_do_not_count_is_kept_by_its_joins() -> None:
+    """Those of its predecessor count, and put the joins off."""
+    road = Road(Air(has_bsms=True, loss=0.3))
+    a, b = road.add_row("AB")
+    b.is_disputed = True
+    road.run(6.0)
+    is_kept = []
+    for _ in range(2400):
+        road.run(0.05)
+        is_kept.append(B in a.group.followers)
+    assert np.mean(is_kept) > 0.99
+
+
 def test_a_vehicle_whose_daemon_restarts_is_accepted_again() -> None:
     road = Road()
     road.add_row("ABC")

@@ -202,6 +202,16 @@ def test_the_same_attack_does_not_bite_with_it(attack: AttackKind) -> None:
     assert not CONTROLS[attack].bites(_run(attack))
 
 
+@pytest.mark.long
+def test_where_no_id_is_proved_leaves_dispute_the_followers_ids_and_nobody_misses_a_warning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The followers' BSMs do not count then, but their joins do."""
+    monkeypatch.setattr(*PROOF)
+
+    assert _run(AttackKind.LEAVES).true_missed == 0
+
+
 def test_a_red_light_of_an_insider_who_may_send_it_silences_a_true_alarm() -> None:
     counts = _run(AttackKind.SIGNALS, checks=False)
 
