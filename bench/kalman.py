@@ -13,7 +13,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from bench import Figure
-from onboard.tracking.kalman import predict, update_position
+from onboard.kinematics.arrays import StateArrays
+from onboard.tracking.kalman import Steps, advance
 
 ROUNDS = 7
 DT_S, Q = 0.1, 1.0
@@ -23,10 +24,12 @@ def measure() -> Iterator[Figure]:
     """Yield updates/s for 1, 10, 100 and 1,000 tracks."""
     rng = np.random.default_rng(0)
     for tracks in (1, 10, 100, 1000):
-        states = rng.normal(size=(4, tracks))
-        covariances = np.repeat(np.eye(4)[:, :, None], tracks, axis=2)
-        positions = rng.normal(size=(2, tracks))
-        noises = np.repeat(0.25 * np.eye(2)[:, :, None], tracks, axis=2)
+        states = rng.normal(size=(tracks, 4, 1))
+        covariances = np.repeat(np.eye(4)[None], tracks, axis=0)
+        positions = np.zeros((4, tracks))
+        positions[:2] = rng.normal(size=(2, tracks))
+        noises = np.repeat(np.diag([0.25, 0.25, 0.0, 0.0])[:, :, None], tracks, axis=2)
+        observed = StateArrays(np.zeros(tracks), positions, noises, np.zeros(tracks))
         dt_s = np.full(tracks, DT_S)
         track = _filterpy_track()
         many, few = max(20, 20_000 // (tracks + 20)), 300
@@ -35,12 +38,11 @@ def measure() -> Iterator[Figure]:
             states: Any = states,
             covariances: Any = covariances,
             dt_s: Any = dt_s,
-            positions: Any = positions,
-            noises: Any = noises,
+            observed: Any = observed,
         ) -> None:
-            update_position(*predict(states, covariances, dt_s, Q), positions, noises)
+            advance(states, covariances, Steps.of(observed, dt_s, Q))
 
-        def by_filterpy(track: Any = track, position: Any = positions[:, 0]) -> None:
+        def by_filterpy(track: Any = track, position: Any = positions[:2, 0]) -> None:
             track.predict()
             track.update(position)
 

@@ -67,11 +67,18 @@ class HostVehicle:
         moved = None
         if self.frame is None:
             self.frame = here
-        elif math.hypot(*self.frame.position_m(*self.anchor)) > MAX_ORIGIN_DISTANCE_M:
+        elif self.leaves_frame(fix):
             moved = here.mapping_from(self.frame)
             self.frame = here
         self._state = self.reported_state(fix)
         return moved
+
+    def leaves_frame(self, fix: Position) -> bool:
+        """Whether the frame is moved with this fix."""
+        if self.frame is None:
+            return False
+        place_m = self.frame.position_m(fix.latitude_deg, fix.longitude_deg)
+        return math.hypot(*place_m) > MAX_ORIGIN_DISTANCE_M
 
     @property
     def anchor(self) -> tuple[float, float]:

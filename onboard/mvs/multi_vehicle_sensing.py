@@ -25,8 +25,7 @@ from onboard.mvs import cpm_coding, sdsm_coding
 from onboard.mvs.cpm_coding import SharedObject
 from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_coding import encode_within
-from onboard.mvs.footer_reading import read
-from onboard.mvs.footer_validation import MAX_ENTRIES, OwnMeasurements, violations_of_received
+from onboard.mvs.footer_validation import OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
 from onboard.mvs.remote_vehicles import (
@@ -37,6 +36,7 @@ from onboard.mvs.remote_vehicles import (
 )
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.waiting_footers import FOOTERS_TOGETHER, MAX_WAITING_FOOTERS, WaitingFooters
 from onboard.observations import Discarded, Position, VehicleDetection
 from onboard.tracking.common_errors import common_variance_m2
 from onboard.tracking.evidence import (
@@ -49,6 +49,7 @@ from onboard.tracking.evidence import (
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
 from onboard.tracking.fusion import propagate
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 from onboard.tracking.tracks import DEFAULTS, TRACKS_AT_ONCE, TrackingParameters, Tracks
 
@@ -58,8 +59,6 @@ UPDATE_S = 0.05
 MAX_OBSERVER_SIGMA_M = 2.0
 """Largest error of an observer's position that its measurements are taken to share: otherwise one
 that states a larger one could make every vehicle that it measures too uncertain to be reported."""
-_MAX_WAITING_FOOTERS = 256
-"""Footers that wait for the next update; with more, they are processed at once."""
 _COMPLETE = object()
 _UTC_STEP_S = 0.1
 """A larger change of UTC is a correction and no drift: vehicles move 3 m in that time."""
@@ -100,8 +99,7 @@ class MultiVehicleSensing(Core):
         self._host = HostVehicle(settings.sensing)
         self._detections: deque[VehicleDetection] = deque(maxlen=1024)
         """Not yet assigned: the detections of one image are assigned together."""
-        self._received: list[ReceivedFooter] = []
-        """Not yet assigned: the footers since the last update are assigned together."""
+        self._waiting = WaitingFooters()
         self._remote_vehicles = RemoteVehicles()
         self._road_side_units = RemoteVehicles()
         """Senders of SDSMs or CPMs that send no BSMs or CAMs."""
@@ -123,6 +121,8 @@ class MultiVehicleSensing(Core):
         """When the tracks were last updated, UTC."""
         self._slices: Iterator[None] | None = None
         """What is left of an update that has begun."""
+        self._slice_s = 0.0
+        """Time of its last slice."""
         self._events: deque[Discarded] = deque(maxlen=1024)
 
     @property
@@ -150,13 +150,15 @@ class MultiVehicleSensing(Core):
 
     def receive_position(self, fix: Position) -> None:
         """Take the host vehicle's position."""
+        if self._host.leaves_frame(fix):
+            self._finish_update()
         moved = self._host.receive_position(fix)
         if moved is not None:
             for tracks in self._all_tracks:
                 tracks.change_frame(*moved)
             self._remote_vehicles.change_frame(*moved)
             self._road_side_units.change_frame(*moved)
-            self._received = [each.mapped(*moved) for each in self._received]
+            self._waiting.change_frame(*moved)
 
     def receive_detection(self, detection: VehicleDetection) -> None:
         """Take a vehicle that own sensors detect, with a radio or without."""
@@ -259,6 +261,7 @@ class MultiVehicleSensing(Core):
         Returns:
             whether the update is complete.
         """
+        self._slice_s = now
         if self._slices is None:
             self._slices = self._update_in_slices(now)
         if next(self._slices, _COMPLETE) is _COMPLETE:
@@ -273,7 +276,7 @@ class MultiVehicleSensing(Core):
     def _update_in_slices(self, now: float) -> Iterator[None]:
         if not self.has_position(now):
             return
-        self._process(now)
+        yield from self._process_in_slices(now)
         now_ms = self._utc_ms(now)
         if self._updated_ms is not None and 0 <= now_ms - self._updated_ms < round(UPDATE_S * 1000):
             return  # below 0, UTC was set back: updates go on at once
@@ -282,7 +285,12 @@ class MultiVehicleSensing(Core):
             yield
         self._remote_vehicles.drop_silent(now)
         self._road_side_units.drop_silent(now)
-        yield from self._tracks.update_in_slices(now_ms)
+        slices = self._tracks.update_in_slices(now_ms)
+        if are_many:
+            yield from slices
+            yield
+        else:
+            result_of(slices)
         for kept, merged in self._tracks.merged:
             self._evidence_to_send.sent.merge(kept, merged)
         reported = {self.own_id: self._own_state()}
@@ -290,11 +298,11 @@ class MultiVehicleSensing(Core):
         states = as_state_arrays(list(reported.values()), self._utc_ms)
         self._tracks.match_remote_vehicles(list(reported), states, now_ms)
         if self._sensed_tracks is not None:
+            if are_many:
+                yield
             self._sensed_tracks.update(now_ms)
             self._sensed_tracks.match_remote_vehicles([self.own_id], states[:1], now_ms)
-        self._updated_ms = now_ms
-        if are_many:
-            yield
+        self._updated_ms = self._utc_ms(self._slice_s)
 
     # ---- out ------------------------------------------------------------------------------
 
@@ -468,29 +476,43 @@ class MultiVehicleSensing(Core):
         if not remote.accepts_footer(now):
             return self._discard(now, "too_often", sender_id.hex())
         remote.count_footer(now)
-        try:
-            footer = data if isinstance(data, SharedEntries) else read(data)
-        except DecodeError as error:
-            return self._discard(now, error.reason, str(error))
-        if len(footer) > MAX_ENTRIES:
-            return self._discard(now, "too_many_entries", f"{len(footer)} from {sender_id.hex()}")
-        if len(footer):
-            sender_m = remote.reported.state[:2]
-            self._received.append(ReceivedFooter(footer, sender_id, sender_m, now))
-        if len(self._received) >= _MAX_WAITING_FOOTERS:
+        self._waiting.put(data, sender_id, remote.reported.state[:2], now)
+        if len(self._waiting) >= MAX_WAITING_FOOTERS:
             self._finish_update()
-            self._process(now)
+            for _ in self._process_in_slices(now):
+                pass
         return None
 
-    def _process(self, now: float) -> None:
+    def _process_in_slices(self, now: float) -> Iterator[None]:
         """Assign what has arrived to tracks: detections first, then footers."""
+        waiting = len(self._waiting)
         self._assign_detections(now)
-        received, self._received = self._received, []
-        if not received:
-            return
+        if waiting > FOOTERS_TOGETHER:
+            yield
+        footers: list[ReceivedFooter] = []
+        """Of each entry that is used."""
+        batches: list[EvidenceBatch] = []
+        for first in range(0, waiting, FOOTERS_TOGETHER):
+            received, refused = self._waiting.take(min(FOOTERS_TOGETHER, waiting - first))
+            self._events.extend(refused)
+            if received:
+                batch, valid = self._validated(received)
+                batches.append(batch)
+                footers += valid
+            if waiting > FOOTERS_TOGETHER:
+                yield
+        if batches:
+            batch = EvidenceBatch.concatenate(batches)
+            left_over = yield from self._tracks.receive_in_slices(batch)
+            self._discard_entries(Counter((footers[at], "too_many_cars") for at in left_over))
+
+    def _validated(
+        self, received: Sequence[ReceivedFooter]
+    ) -> tuple[EvidenceBatch, list[ReceivedFooter]]:
+        """Return the entries of footers that are used, and the footer of each."""
         frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
-        footer_of = [each for each in received for _ in range(len(each.footer))]
+        footers = [each for each in received for _ in range(len(each.footer))]
         batch = concatenate(received, frame, self._utc_ms)
         refused, inflation = violations_of_received(
             batch,
@@ -502,15 +524,14 @@ class MultiVehicleSensing(Core):
         valid = [row for row in range(len(batch)) if row not in refused]
         inflation = inflation[valid]
         refused |= {valid[at]: "too_sure" for at in np.flatnonzero(inflation > 1.0).tolist()}
-        left_over = self._tracks.receive_evidence(
-            batch.subset(valid).with_covariances_scaled(inflation)
-        )
-        refused |= {valid[at]: "too_many_cars" for at in left_over}
-        for (_, sender_id, at, reason), entries in Counter(
-            (id(footer_of[row]), footer_of[row].sender_id, footer_of[row].received_s, reason)
-            for row, reason in refused.items()
-        ).items():
-            self._discard(at, reason, f"{entries} entries from {sender_id.hex()}")
+        self._discard_entries(Counter((footers[row], reason) for row, reason in refused.items()))
+        used = batch.subset(valid).with_covariances_scaled(inflation)
+        return used, [footers[row] for row in valid]
+
+    def _discard_entries(self, refused: Counter[tuple[ReceivedFooter, str]]) -> None:
+        for (footer, reason), entries in refused.items():
+            detail = f"{entries} entries from {footer.sender_id.hex()}"
+            self._discard(footer.received_s, reason, detail)
 
     def _assign_detections(self, now: float) -> None:
         """Make direct measurements of the detections, image by image."""

@@ -28,6 +28,8 @@ class SharedEntries:
     provenances: Sequence[Provenance]
     observers: frozenset[bytes]
     """Observers of the measurements in them."""
+    spans: ProvenanceSpans
+    """Spans of `provenances`."""
     states: Array
     """(N, 4) at the time of the last measurement; the speed of a mere position is 0."""
     covariances: Array
@@ -62,11 +64,13 @@ def of_measurements(
     covariances = np.zeros((len(places), 4, 4))
     for row, each in enumerate(places):
         covariances[row, :2, :2] = each.sigma_m**2 * np.eye(2)
+    provenances = [frozenset((measurement_id(sender_id, each.stamp_ms),)) for each in places]
     return SharedEntries(
         anchor,
         [each.number for each in places],
-        [frozenset((measurement_id(sender_id, each.stamp_ms),)) for each in places],
+        provenances,
         frozenset((sender_id,)),
+        ProvenanceSpans.of(provenances),
         states=np.array(states, np.float64).reshape(-1, 4),
         covariances=covariances,
         has_speed=np.zeros(len(places)),
@@ -75,18 +79,13 @@ def of_measurements(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReceivedFooter:
-    """A received footer that is not yet processed."""
+    """A received footer."""
 
     footer: SharedEntries
     sender_id: bytes
     sender_m: Array
     """Position of the sender by its BSM (2), in the host vehicle's frame."""
     received_s: float
-
-    def mapped(self, turn: Array, shift: Array) -> "ReceivedFooter":
-        """Return it with the sender in another frame (`LocalFrame.mapping_from`)."""
-        sender_m = turn @ self.sender_m + shift
-        return ReceivedFooter(self.footer, self.sender_id, sender_m, self.received_s)
 
 
 def concatenate(
@@ -127,7 +126,7 @@ def _in_frame(
 ) -> tuple[list[Provenance], ProvenanceSpans, StateArrays]:
     """Return the entries of all footers, one footer after the other, in `frame`."""
     provenances = [provenance for footer in footers for provenance in footer.provenances]
-    spans = ProvenanceSpans.of(provenances)
+    spans = ProvenanceSpans.concatenate([footer.spans for footer in footers])
     entries = StateArrays(
         spans.newest_ms,
         np.concatenate([footer.states for footer in footers]).T,

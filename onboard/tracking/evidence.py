@@ -14,6 +14,7 @@ from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.kinematics.arrays import Array, StateArrays, map_state
 
@@ -199,16 +200,31 @@ class ProvenanceSpans:
     @classmethod
     def of(cls, provenances: Sequence[Provenance]) -> Self:
         """Compute them for N provenances, none of them empty."""
-        counts = np.array([len(provenance) for provenance in provenances], dtype=np.intp)
-        stamps_ms = np.array(
-            [each & _STAMP_MASK for provenance in provenances for each in provenance], np.float64
+        stamps_ms = [each & _STAMP_MASK for provenance in provenances for each in provenance]
+        return cls.of_stamps(
+            np.array([len(provenance) for provenance in provenances], np.int64),
+            np.array(stamps_ms, np.int64),
         )
+
+    @classmethod
+    def of_stamps(cls, counts: NDArray[np.int64], stamps_ms: NDArray[np.int64]) -> Self:
+        """Compute them for N provenances by the times of their measurements, one after the other.
+
+        Args:
+            counts: (N) measurements in each, at least one.
+            stamps_ms: (sum of `counts`).
+        """
         if not len(counts):
-            return cls(stamps_ms, stamps_ms, stamps_ms, stamps_ms)
+            return cls(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
         starts = np.cumsum(counts) - counts
         oldest_ms = np.minimum.reduceat(stamps_ms, starts)
         newest_ms = np.maximum.reduceat(stamps_ms, starts)
-        ages_ms = np.repeat(newest_ms, counts) - stamps_ms
+        ages_ms = (newest_ms.repeat(counts) - stamps_ms).astype(np.float64)
         squares = np.add.reduceat(ages_ms * ages_ms, starts)
         spreads_s2 = (squares - np.add.reduceat(ages_ms, starts) ** 2 / counts) / 1e6
-        return cls(counts.astype(np.float64), oldest_ms, newest_ms, spreads_s2)
+        return cls(
+            counts.astype(np.float64),
+            oldest_ms.astype(np.float64),
+            newest_ms.astype(np.float64),
+            spreads_s2,
+        )

@@ -56,6 +56,21 @@ class EvidenceBatch:
             self.entries[list(rows)],
         )
 
+    @classmethod
+    def concatenate(cls, parts: Sequence["EvidenceBatch"]) -> "EvidenceBatch":
+        """Return the entries of all of `parts`, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            [sender for part in parts for sender in part.senders],
+            [number for part in parts for number in part.numbers],
+            [provenance for part in parts for provenance in part.provenances],
+            [received_ms for part in parts for received_ms in part.received_ms],
+            ProvenanceSpans.concatenate([part.spans for part in parts]),
+            [is_firsthand for part in parts for is_firsthand in part.firsthand],
+            StateArrays.concatenate([part.entries for part in parts]),
+        )
+
     def with_covariances_scaled(self, factors: Array) -> "EvidenceBatch":
         """Return the entries with each covariance multiplied by its factor (N)."""
         return replace(self, entries=self.entries.with_covariances_scaled(factors))

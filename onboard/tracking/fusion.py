@@ -5,16 +5,21 @@ a late measurement is used in its order, and an estimate depends on the measurem
 provenance and on nothing else.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 
 import numpy as np
 
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.evidence import UNKNOWN_SPEED_SIGMA_M_S, Estimate, Evidence, as_arrays
 from onboard.tracking.evidence_store import EvidenceStore, StoredEvidence
-from onboard.tracking.kalman import predict, update_position, update_state
+from onboard.tracking.kalman import Steps, advance, predict
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 
+_PIECES_AT_ONCE = 256
+"""Pieces of evidence that are fused in one slice."""
+_TRACKS_AT_ONCE = 64
+"""Tracks of which one slice looks for repeats."""
 _MAX_GROWTH = 1.2
 """Factor by which a variance may grow on the air: deviations are sent rounded up, by 1.2 % each."""
 
@@ -31,11 +36,13 @@ def fuse(evidence_of_vehicles: Sequence[Sequence[Evidence]], q: float) -> list[E
     """
     pieces = [piece for evidence in evidence_of_vehicles for piece in evidence]
     counts = [len(evidence) for evidence in evidence_of_vehicles]
-    return _as_estimates(evidence_of_vehicles, _filtered(as_arrays(pieces), counts, q))
+    return _as_estimates(evidence_of_vehicles, result_of(_filtered(as_arrays(pieces), counts, q)))
 
 
-def fuse_chosen(changed: Sequence[Track], store: EvidenceStore, now_ms: int, q: float) -> None:
-    """Fuse the evidence of the tracks whose choice has changed.
+def fuse_chosen(
+    changed: Sequence[Track], store: EvidenceStore, now_ms: int, q: float
+) -> Iterator[None]:
+    """Fuse in slices the evidence of the tracks whose choice has changed.
 
     An estimate by another vehicle that contains the host's own measurements should be at least as
     certain as these alone. If such estimates leave the vehicle less certain, in position or speed,
@@ -47,11 +54,16 @@ def fuse_chosen(changed: Sequence[Track], store: EvidenceStore, now_ms: int, q: 
         now_ms: UTC.
         q: spectral density of the acceleration noise, m^2/s^3.
     """
-    own = [track.choice_without_repeats() for track in changed]
+    own = []
+    for at, track in enumerate(changed):
+        own.append(track.choice_without_repeats())
+        if at % _TRACKS_AT_ONCE == _TRACKS_AT_ONCE - 1:
+            yield
     repeated = [at for at, pieces in enumerate(own) if pieces]
     choices = [track.chosen for track in changed] + [own[at] for at in repeated]
     rows = [stored.row for choice in choices for stored in choice]
-    fused = _filtered(store.at(rows), [len(choice) for choice in choices], q)
+    fused = yield from _filtered(store.at(rows), [len(choice) for choice in choices], q)
+    yield
     variances = _variances(fused, now_ms, q)
     best = list(range(len(changed)))
     for other, at in enumerate(repeated, len(changed)):
@@ -60,6 +72,7 @@ def fuse_chosen(changed: Sequence[Track], store: EvidenceStore, now_ms: int, q: 
     estimates = _as_estimates([track.chosen for track in changed], fused[best])
     for track, estimate in zip(changed, estimates, strict=True):
         track.estimate = estimate
+    yield
 
 
 def propagate(estimates: Sequence[Estimate], now_ms: int, q: float) -> tuple[Array, Array]:
@@ -79,44 +92,40 @@ def propagate(estimates: Sequence[Estimate], now_ms: int, q: float) -> tuple[Arr
     return predict(states, covariances.transpose(1, 2, 0), dt_s, q)
 
 
-def _filtered(evidence: StateArrays, counts: Sequence[int], q: float) -> StateArrays:
-    """Estimate N vehicles; the first `counts[0]` pieces are of the first vehicle, and so on."""
+def _filtered(
+    evidence: StateArrays, counts: Sequence[int], q: float
+) -> Generator[None, None, StateArrays]:
+    """Estimate N vehicles in slices.
+
+    The first `counts[0]` pieces are of the first vehicle, and so on.
+    """
     # Longest first: at step k, the vehicles that have a k-th piece are the first ones.
     lengths = np.asarray(counts, dtype=np.intp)
     place_of = np.empty_like(lengths)
     place_of[np.argsort(-lengths, kind="stable")] = np.arange(len(lengths))
     vehicles = np.repeat(np.arange(len(lengths)), lengths)
     by_time = np.lexsort((evidence.stamps_ms, vehicles))  # within each vehicle
-    steps = np.arange(len(vehicles)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    evidence = evidence[by_time[np.lexsort((place_of[vehicles], steps))]]
-    begin = len(lengths)
+    numbers = np.arange(len(vehicles)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    ordered = evidence[by_time]
+    dt_s = np.diff(ordered.stamps_ms, prepend=0.0) / 1000  # of no use where a vehicle begins
+    by_step = np.lexsort((place_of[vehicles], numbers))
+    evidence, begin = ordered[by_step], len(lengths)
+    steps = Steps.of(evidence[begin:], dt_s[by_step[begin:]], q)
+    yield
     first = evidence[:begin].with_unknown_speed(UNKNOWN_SPEED_SIGMA_M_S)
-    stamps_ms, states = first.stamps_ms.copy(), first.states.copy()
-    covariances = first.covariances.copy(order="K")
-    for n in np.bincount(steps)[1:].tolist():
-        piece, begin = evidence[begin : begin + n], begin + n
-        dt_s = (piece.stamps_ms - stamps_ms[:n]) / 1000
-        states[:, :n], covariances[:, :, :n] = _update(
-            *predict(states[:, :n], covariances[:, :, :n], dt_s, q), piece
-        )
-        stamps_ms[:n] = piece.stamps_ms
-    return StateArrays(stamps_ms, states, covariances, first.has_speed)[place_of]
-
-
-def _update(states: Array, covariances: Array, pieces: StateArrays) -> tuple[Array, Array]:
-    """Use one piece of each vehicle: the 2 x 4 model for measurements, the 4 x 4 for estimates."""
-    if not pieces.has_speed.any():
-        return update_position(states, covariances, pieces.states[:2], pieces.covariances[:2, :2])
-    for model, size, uses in ((update_position, 2, 0.0), (update_state, 4, 1.0)):
-        at = np.flatnonzero(pieces.has_speed == uses)
-        if len(at):
-            states[:, at], covariances[:, :, at] = model(
-                states.take(at, axis=1),
-                covariances.take(at, axis=2),
-                pieces.states[:size].take(at, axis=1),
-                pieces.covariances[:size, :size].take(at, axis=2),
-            )
-    return states, covariances
+    states, covariances = first.states.T[:, :, None].copy(), first.covariances.transpose(2, 0, 1)
+    covariances = covariances.copy()
+    last = by_step[:begin].copy()
+    done = 0
+    for n in np.bincount(numbers)[1:].tolist():
+        states[:n], covariances[:n] = advance(states[:n], covariances[:n], steps[done : done + n])
+        last[:n] = by_step[begin + done : begin + done + n]
+        done += n
+        if done // _PIECES_AT_ONCE > (done - n) // _PIECES_AT_ONCE:
+            yield
+    return StateArrays(
+        ordered.stamps_ms[last], states[:, :, 0].T, covariances.transpose(1, 2, 0), first.has_speed
+    )[place_of]
 
 
 def _as_estimates(

@@ -9,9 +9,9 @@ otherwise it starts a tentative track, which is merged with another when both ar
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, groupby
+from itertools import accumulate, count, groupby
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from onboard.tracking.evidence_store import (
 )
 from onboard.tracking.fusion import fuse_chosen
 from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gates, with_speed_prior
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
     choose_reported,
@@ -68,11 +69,12 @@ _ENTRIES_AT_ONCE = 64
 """Entries that are compared with all tracks together: enough for arrays to pay, few enough to bound
 the work that a hostile sender causes."""
 
-TRACKS_AT_ONCE = 32
+TRACKS_AT_ONCE = 16
 """Tracks whose evidence is chosen in one slice of an update."""
 
 _ReportId = tuple[bytes, int]
 """Sender and time of receipt of a report, the entries of one footer or image."""
+_TracksOfReport = defaultdict[_ReportId, set[int]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,8 +124,13 @@ class Tracks:
         Returns:
             the rows for which no further track could be started.
         """
+        return result_of(self.receive_in_slices(batch))
+
+    def receive_in_slices(self, batch: EvidenceBatch) -> Generator[None, None, list[int]]:
+        """Do what `receive_evidence` does in slices, one if there are few entries."""
         first_row = self._store.append(batch.entries)
-        unlabelled, tracks_of_report = self._assign_labelled(batch, first_row)
+        tracks_of_report: _TracksOfReport = defaultdict(set)
+        unlabelled = yield from self._assign_labelled(batch, first_row, tracks_of_report)
         reports = [
             (list(rows), tracks_of_report[report])
             for report, rows in groupby(
@@ -131,28 +138,29 @@ class Tracks:
             )
         ]
         refused: list[int] = []
+        if len(batch) > _ENTRIES_AT_ONCE:
+            yield
         while reports:
             entries = accumulate(len(rows) for rows, _ in reports)
             together = max(1, sum(so_far <= _ENTRIES_AT_ONCE for so_far in entries))
             refused += self._assign_unlabelled(batch, first_row, reports[:together])
             reports = reports[together:]
+            if reports:
+                yield
         return refused
 
     def update(self, now_ms: int) -> None:
         """Drop old evidence, choose and fuse that of each track, confirm and merge tracks."""
-        for _ in self.update_in_slices(now_ms):
-            pass
+        result_of(self.update_in_slices(now_ms))
 
-    def update_in_slices(self, now_ms: int) -> Iterator[None]:
-        """Do what `update` does in slices, one if there are few tracks.
-
-        Between two of them the tracks may be read and mapped into another frame.
-        """
+    def update_in_slices(self, now_ms: int) -> Generator[None, None, None]:
+        """Do what `update` does in slices, between which the tracks may be read."""
         parameters, q = self._parameters, self._parameters.acceleration_density
         memory_ms, unseen_ms = round(parameters.memory_s * 1000), round(parameters.unseen_s * 1000)
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
         for track in self._tracks:
             track.drop_old(now_ms - memory_ms)
+        yield
         # An estimate expires with its oldest measurement: a track can lose all before `unseen_s`.
         self._tracks = [track for track in self._tracks if track.stored]
         tracks = self._tracks.copy()
@@ -160,20 +168,21 @@ class Tracks:
         for first in range(0, len(tracks), TRACKS_AT_ONCE):
             some = tracks[first : first + TRACKS_AT_ONCE]
             changed += [track for track in some if track.choose_evidence()]
-            if len(tracks) > TRACKS_AT_ONCE:
-                yield
-        fuse_chosen(changed, self._store, now_ms, q)
-        if len(tracks) > TRACKS_AT_ONCE:
             yield
+        yield from fuse_chosen(changed, self._store, now_ms, q)
         for track in changed:
             provenance = track.estimate.provenance
             track.common_variance_m2 = common_variance_m2(provenance, self._observer_sigma_m)
+        yield
         for track in self._tracks:
             track.settle(now_ms - SETTLED_MS)
             track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS
+        yield
         self._cached_states = None
         self._merge(now_ms)
+        yield
         self._by_label = {label: track for track in self._tracks for label in track.labels}
+        yield
         self._compact_store()
 
     def match_remote_vehicles(self, ids: Sequence[bytes], states: StateArrays, now_ms: int) -> None:
@@ -241,37 +250,42 @@ class Tracks:
         self._cached_states = None
 
     def _assign_labelled(
-        self, batch: EvidenceBatch, first_row: int
-    ) -> tuple[list[int], defaultdict[_ReportId, set[int]]]:
+        self, batch: EvidenceBatch, first_row: int, tracks_of_report: _TracksOfReport
+    ) -> Generator[None, None, list[int]]:
         """Assign entries under known labels to their tracks, if they are inside the gates.
 
         Args:
             batch: entries.
             first_row: row of the first of them in the store.
+            tracks_of_report: gets of each report the indices of the tracks that its rows belong to.
 
         Returns:
-            the rows under new labels, in order; of each report, the indices of the tracks that its
-            other rows belong to.
+            the rows under new labels, in order.
         """
-        tracks_of_report: defaultdict[_ReportId, set[int]] = defaultdict(set)
         labels = list(zip(batch.senders, batch.numbers, strict=True))
         labelled = [row for row, label in enumerate(labels) if label in self._by_label]
         unlabelled = [row for row, label in enumerate(labels) if label not in self._by_label]
         if not labelled:
-            return unlabelled, tracks_of_report
+            return unlabelled
         q = self._parameters.acceleration_density
         index_of = {track.number: at for at, track in enumerate(self._tracks)}
         indices = [index_of[self._by_label[labels[row]].number] for row in labelled]
         states = self._states()[indices]
         inside = are_inside(batch.entries[labelled], states, GATE_PROBABILITY, q)
-        for row, index, fits in zip(labelled, indices, inside.tolist(), strict=True):
+        if len(labelled) > _ENTRIES_AT_ONCE:
+            yield
+        for done, row, index, fits in zip(
+            count(), labelled, indices, inside.tolist(), strict=False
+        ):
+            if done and not done % _ENTRIES_AT_ONCE:
+                yield
             if fits:
                 self._add(self._tracks[index], batch, row, first_row + row)
                 tracks_of_report[batch.senders[row], batch.received_ms[row]].add(index)
             else:
                 self._remove_label(labels[row])
                 unlabelled.append(row)
-        return sorted(unlabelled), tracks_of_report
+        return sorted(unlabelled)
 
     def _assign_unlabelled(
         self, batch: EvidenceBatch, first_row: int, reports: Sequence[tuple[list[int], set[int]]]

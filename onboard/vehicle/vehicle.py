@@ -389,12 +389,21 @@ class Vehicle(Core):
     def messages_to_send(self, now: float) -> Iterator[SentMessage]:
         """Yield the messages that are due, those of LCCA first, in the order of sending.
 
-        A BSM is composed when it is drawn: fusing what goes with it takes time.
+        A BSM is composed when it is drawn: fusing what goes with it takes time. With many vehicles
+        around, that is done in slices, in this step and the next ones.
         """
         yield from self.group_messages_to_send(now)
         if not self._config.beacons:
             return
+        is_due = any(core.get_timer() <= now for core in self._sharing.cores)
+        if is_due and not self._is_updated(now):
+            return
         yield from self._sharing.messages_to_send(now, self._radio_opens_at)
+
+    def _is_updated(self, now: float) -> bool:
+        """Whether the tracks are up to date; if not, a slice of their update is done in a step."""
+        is_assessed = now < self._surroundings.get_timer()
+        return is_assessed and self._sharing.mvs.update_slice(now)
 
     # ---- between the cores ----------------------------------------------------------------
 

@@ -34,11 +34,10 @@ def test_columns_hold_the_values_of_the_messages(
     expected = one_by_one(record, messages)
     columns = Columns(record)
 
+    read = columns.read(messages)
     if expected is None:
-        with pytest.raises(DecodeError, match="out_of_range"):
-            columns.read(messages)
+        assert np.isnan(read).any()
     else:
-        read = columns.read(messages)
         assert read.shape == (len(expected), len(record.fields))
         np.testing.assert_array_equal(read, np.array(expected).reshape(read.shape))
 
@@ -49,9 +48,8 @@ def test_the_ends_of_the_ranges(record: Record[object], filling: int) -> None:
     messages = bytes([filling]) * record.size_bytes
     expected = one_by_one(record, messages)
 
-    try:
-        read = Columns(record).read(messages).tolist()
-    except DecodeError:
-        assert expected is None
+    read = Columns(record).read(messages)
+    if expected is None:
+        assert np.isnan(read).any()
     else:
-        assert [tuple(row) for row in read] == expected
+        assert [tuple(row) for row in read.tolist()] == expected

@@ -226,4 +226,5 @@ def test_255_objects_are_too_many_and_a_message_in_bits_too_few_carries_fewer() 
     full = replace(message.perceived, number_of_objects=255, objects=objects)
     world.discarded("b")
     b.receive_cpm(replace(message, perceived=full), world.t)
+    b.update(world.t)
     assert world.discarded("b") == ["too_many_entries"]

@@ -43,6 +43,9 @@ def footers(draw: st.DrawFn) -> bytes:
     )
 
 
+changes = st.sampled_from(("none", "octet", "bit", "cut", "insertion"))
+
+
 def refusal(read: Callable[[bytes], object], data: bytes) -> str:
     try:
         read(data)
@@ -68,7 +71,7 @@ def mutated(data: bytes, at: int, change: str, octet: int) -> bytes:
 
 @given(
     footers(),
-    st.sampled_from(("none", "octet", "bit", "cut", "insertion")),
+    changes,
     st.integers(0, 400),
     st.integers(0, 255),
 )
@@ -115,6 +118,29 @@ def test_reading_gives_what_the_declaration_gives(
     for state, covariance in zip(stated, came.covariances[len(measured) :], strict=True):
         (expected,) = from_correlations(np.array([state[5:9]]), np.array([state[9:15]]))
         np.testing.assert_allclose(covariance, expected, rtol=1e-12)
+
+
+@given(
+    st.lists(st.tuples(footers(), st.integers(0, 400), changes, st.integers(0, 255)), max_size=4)
+)
+def test_footers_read_together_are_each_read_alone(
+    some: list[tuple[bytes, int, str, int]],
+) -> None:
+    data = [mutated(*each) for each in some]
+
+    together = footer_reading.read_together(data)
+
+    for each, entries in zip(data, together, strict=True):
+        if isinstance(entries, DecodeError):
+            assert str(entries) == refusal(footer_reading.read, each)
+            continue
+        alone = footer_reading.read(each)
+        assert entries.provenances == alone.provenances
+        assert (entries.numbers, entries.observers) == (alone.numbers, alone.observers)
+        assert (entries.spans.counts == alone.spans.counts).all()
+        assert (entries.has_speed == alone.has_speed).all()
+        assert (entries.states == alone.states).all()
+        np.testing.assert_allclose(entries.covariances, alone.covariances, rtol=1e-12)
 
 
 @given(st.binary(max_size=60), st.binary(max_size=300))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.kinematics.arrays import Array
-from onboard.tracking.kalman import predict, update_position, update_state
+from onboard.kinematics.arrays import Array, StateArrays
+from onboard.tracking.kalman import Steps, advance, predict
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # its docstrings have invalid escapes
@@ -21,6 +21,21 @@ def some_covariances(rng: np.random.Generator, size: int, n: int) -> Array:
     root = rng.normal(size=(size, size, n))
     squares: Array = np.einsum("ikn,jkn->ijn", root, root)
     return squares + 0.01 * np.eye(size)[:, :, None]
+
+
+def advanced(
+    states: Array, covariances: Array, dt_s: Array, z: Array, noise: Array
+) -> tuple[Array, Array]:
+    """Predict n tracks, and update them with positions (2, n) or whole states (4, n)."""
+    size, n = z.shape
+    observed = StateArrays(
+        np.zeros(n), np.zeros((4, n)), np.zeros((4, 4, n)), np.full(n, float(size == 4))
+    )
+    observed.states[:size], observed.covariances[:size, :size] = z, noise
+    after = advance(
+        states.T[:, :, None], covariances.transpose(2, 0, 1), Steps.of(observed, dt_s, Q)
+    )
+    return after[0][:, :, 0].T, after[1].transpose(1, 2, 0)
 
 
 def filterpy_track(state: Array, covariance: Array) -> KalmanFilter:
@@ -43,17 +58,16 @@ def test_many_tracks_at_once_are_filterpy_track_by_track(n: int) -> None:
 
     for step in range(12):
         dt_s = rng.uniform(0, 0.4, n)
-        states, covariances = predict(states, covariances, dt_s, Q)
         for track, dt in zip(tracks, dt_s, strict=True):
             filterpy_predict(track, dt)
         if step % 3 == 2:
             z, noise = rng.normal(size=(4, n)), some_covariances(rng, 4, n)
-            states, covariances = update_state(states, covariances, z, noise)
+            states, covariances = advanced(states, covariances, dt_s, z, noise)
             for i, track in enumerate(tracks):
                 track.update(z[:, i], R=noise[:, :, i], H=np.eye(4))
         else:
             z, noise = rng.normal(size=(2, n)), some_covariances(rng, 2, n)
-            states, covariances = update_position(states, covariances, z, noise)
+            states, covariances = advanced(states, covariances, dt_s, z, noise)
             for i, track in enumerate(tracks):
                 track.update(z[:, i], R=noise[:, :, i], H=np.eye(2, 4))
         for i, track in enumerate(tracks):
@@ -79,15 +93,11 @@ def test_a_covariance_stays_finite_symmetric_and_positive(
     for sigma_x, sigma_y, correlation, dt, whole in pieces:
         cross = correlation * sigma_x * sigma_y
         noise = np.array([[sigma_x**2, cross], [cross, sigma_y**2]])
-        states, covariances = predict(states, covariances, np.array([dt]), Q)
-        if whole:
-            states, covariances = update_state(
-                states, covariances, np.full((4, 1), 50.0), np.kron(np.eye(2), noise)[:, :, None]
-            )
-        else:
-            states, covariances = update_position(
-                states, covariances, np.full((2, 1), 50.0), noise[:, :, None]
-            )
+        size = 4 if whole else 2
+        noise = np.kron(np.eye(size // 2), noise)[:, :, None]
+        states, covariances = advanced(
+            states, covariances, np.array([dt]), np.full((size, 1), 50.0), noise
+        )
         assert np.isfinite(states).all()
         covariance = covariances[:, :, 0]
         assert (covariance == covariance.T).all()
@@ -112,8 +122,8 @@ def test_arguments_are_left_as_they_were() -> None:
     kept = states.copy(), covariances.copy()
 
     predict(states, covariances, np.full(3, 0.1), Q)
-    update_position(states, covariances, states[:2] + 1, covariances[:2, :2])
-    update_state(states, covariances, states + 1, covariances)
+    advanced(states, covariances, np.full(3, 0.1), states[:2], covariances[:2, :2])
+    advanced(states, covariances, np.full(3, 0.1), states, covariances)
 
     assert (states == kept[0]).all()
     assert (covariances == kept[1]).all()
