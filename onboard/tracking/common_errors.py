@@ -1,9 +1,10 @@
 """What the measurements of one observer have in common: the error of its position.
 
 A receiver is off by much the same vector for half a minute, longer than evidence is used. So the
-filter, to which the errors of all measurements are independent, is too sure of a position. Where n_k
-of n measurements are of an observer k whose position is off by s_k (one standard deviation), the
-mean of all has the variance s_k^2 n_k^2 / n^2 of that error, of which the filter has s_k^2 n_k / n^2.
+filter, to which the errors of all measurements are independent, is too sure of a position. Where
+n_k of n measurements are of an observer k whose position is off by s_k (one standard deviation),
+the mean of all has the variance s_k^2 n_k^2 / n^2 of that error, of which the filter has
+s_k^2 n_k / n^2.
 """
 
 from collections import Counter
