@@ -56,7 +56,7 @@ class AlarmExpected(Expected):
             if Level(record["level"]).rank >= self.level.rank
         ]
         if not alarms:
-            yield f"{self.car} is not warned ({self.cause}) until {self.by_s:g} s"
+            yield f"{self.car} raises no {self.level} ({self.cause}) until {self.by_s:g} s"
             return
         of = [self._of(log, record) for record in alarms]
         at_s = [log.at_s(record) for record, right in zip(alarms, of, strict=True) if right]

@@ -66,9 +66,9 @@ WARNED = alarm(6.0, "warning", "perceived_object:shared", "7")
         (WARNED, ALARM | {"of": "ben", "least_lead_s": 1.9}, "1.70 s before they touch, not 1.9 s"),
         (WARNED, ALARM | {"of": "eva"}, "ann is warned of perceived_object:shared, not of eva"),
         (WARNED, ALARM | {"of": "ben", "source": "bsm"}, "not of ben"),
-        (WARNED, ALARM | {"by_s": 5}, "ann is not warned (ima) until 5 s"),
-        (WARNED, ALARM | {"cause": "fcw"}, "ann is not warned (fcw) until 8 s"),
-        (alarm(6, "caution", "perceived_object:shared", "7"), ALARM, "ann is not warned"),
+        (WARNED, ALARM | {"by_s": 5}, "ann raises no warning (ima) until 5 s"),
+        (WARNED, ALARM | {"cause": "fcw"}, "ann raises no warning (fcw) until 8 s"),
+        (alarm(6, "caution", "perceived_object:shared", "7"), ALARM, "ann raises no warning"),
         (alarm(6, "caution", "perceived_object:shared", "7"), ALARM | {"level": "caution"}, None),
         (WARNED, {"what": "no_alarm", "cars": ["ann"], "until_s": 5.9}, None),
         (
