@@ -96,6 +96,14 @@ drives: .venv/ready ## records the drives of the tests anew
 box: .venv/ready ## everything to install on a box, in build/box
 	sh deploy/box.sh build/box
 
+# The same as a Debian package, and what dpkg does with it in namespaces. lintian finds nothing in it.
+.PHONY: deb deb-test
+deb: box ## the box as a Debian package, in build
+	sh deploy/deb/deb.sh build/box build
+
+deb-test: .venv/ready ## the package in namespaces, as root
+	$(PYTHON) -m deploy.vm.deb
+
 # Fresh clone, fresh home, then the wheel in an empty folder; `sh tools/newcomer.sh long` has demo and test too.
 .PHONY: newcomer
 newcomer: ## the first hour, each step timed
