@@ -54,7 +54,7 @@ def values_in(module: ModuleType, name: str) -> Iterator[Any]:
 def values_of(name: str, package: str = "") -> list[Any]:
     """All values that the code gives a name where it is assigned, in the package if it does."""
     assigned = re.compile(rf"(?m)^(?:    |.*, )?{name}(?:, [\w, ]+)?(?:: [^=\n]+)? = ")
-    modules = [each for each, text in sources().items() if assigned.search(text)]
+    modules = [each for each, text in sources().items() if name in text and assigned.search(text)]
     modules = [each for each in modules if each.split(".")[1] == package] or modules
     return [value for each in modules for value in values_in(importlib.import_module(each), name)]
 
