@@ -105,7 +105,8 @@ class Perception:
         self._rear.track(frame, self._lead)
         tracks = self._tracker.tracks
         vehicles = [bounding_box(track.corners_px) for track in tracks]
-        plan = self._schedule.next_plan(frame, tracks, self._lead)
+        entering = self._lead_selector.entering(tracks)
+        plan = self._schedule.next_plan(frame, tracks, self._lead, entering)
         self._lane_watch.receive_frame(frame, tracks, self._lead, is_searched=plan.has_vehicles)
         detections = frame.camera.detect(frame.image, plan)
         legibility = max((each.confidence for each in detections if each.was_read), default=0.0)

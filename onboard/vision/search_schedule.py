@@ -1,6 +1,7 @@
 """What is searched in each frame: at fixed periods all of it, otherwise the regions of tracks."""
 
 import math
+from collections.abc import Sequence
 
 from onboard.observations import ImageBox
 from onboard.vision.detection import DetectionKind, SearchPlan, TrackRegion
@@ -35,30 +36,44 @@ class SearchSchedule:
         self._searched_at = self._vehicles_at = -math.inf
 
     def next_plan(
-        self, frame: AdmittedFrame, tracks: list[VehicleTrack], lead: VehicleTrack | None
+        self,
+        frame: AdmittedFrame,
+        tracks: list[VehicleTrack],
+        lead: VehicleTrack | None,
+        entering: Sequence[VehicleTrack] = (),
     ) -> SearchPlan:
-        """Regions to search in this frame; marks them as searched."""
+        """Regions to search in this frame; marks them as searched.
+
+        Args:
+            frame: to search.
+            tracks: of all vehicles.
+            lead: one of them, if there is one.
+            entering: those that come into the lane, of which the texts are needed as soon.
+        """
         stamp_s = frame.stamp_s
+        urgent = [each for each in (lead, *entering) if each is not None]
         if frame.is_cut or stamp_s - self._searched_at >= self._search_period_s(lead):
             self._searched_at = self._vehicles_at = stamp_s
             # After a cut, the tracks' regions show something else.
-            known = () if frame.is_cut else (self._region(each, lead, stamp_s) for each in tracks)
+            known = () if frame.is_cut else (self._region(each, urgent, stamp_s) for each in tracks)
             return SearchPlan(frame.camera.road, known=tuple(known), vehicles=self._finds_vehicles)
         has_vehicles = stamp_s - self._vehicles_at >= self._vehicles_period_s(lead)
         if has_vehicles:
             self._vehicles_at = stamp_s
-        due = self._due(tracks, lead, stamp_s)
-        regions = tuple(self._region(each, lead, stamp_s) for each in due)
+        due = self._due(tracks, urgent, stamp_s)
+        regions = tuple(self._region(each, urgent, stamp_s) for each in due)
         for each in due:
             each.searched_at = stamp_s
         return SearchPlan(tracked=regions, vehicles=has_vehicles)
 
     def _due(
-        self, tracks: list[VehicleTrack], lead: VehicleTrack | None, stamp_s: float
+        self, tracks: list[VehicleTrack], urgent: list[VehicleTrack], stamp_s: float
     ) -> list[VehicleTrack]:
-        """The lead in every frame, the others in turn."""
-        due = [each for each in tracks if stamp_s - each.searched_at >= _period_s(each, lead)]
-        due.sort(key=lambda track: (track is not lead, track.searched_at))
+        """The urgent ones in every frame, the lead first, the others in turn."""
+        due = [each for each in tracks if stamp_s - each.searched_at >= _period_s(each, urgent)]
+        due.sort(
+            key=lambda track: (track not in urgent[:1], track not in urgent, track.searched_at)
+        )
         return due[:MAX_TRACKED_PER_FRAME]
 
     def _search_period_s(self, lead: VehicleTrack | None) -> float:
@@ -75,21 +90,21 @@ class SearchSchedule:
         return self._parameters.search_period_without_lead_s
 
     def _region(
-        self, track: VehicleTrack, lead: VehicleTrack | None, stamp_s: float
+        self, track: VehicleTrack, urgent: list[VehicleTrack], stamp_s: float
     ) -> TrackRegion:
         return TrackRegion(
             kind=track.last.kind,
             corners_px=track.corners_px,
             region=_around(track, stamp_s),
             was_detected=track.detected_at >= track.searched_at,
-            read_text=self._is_to_read(track, lead, stamp_s),
+            read_text=self._is_to_read(track, urgent, stamp_s),
             views=track.views,
         )
 
-    def _is_to_read(self, track: VehicleTrack, lead: VehicleTrack | None, stamp_s: float) -> bool:
+    def _is_to_read(self, track: VehicleTrack, urgent: list[VehicleTrack], stamp_s: float) -> bool:
         """Whether the plate's next reading is due."""
         parameters = self._parameters
-        if track.text is None and track is lead:
+        if track.text is None and track in urgent:
             return True
         is_identified = track.text is not None and not track.is_contradicted
         period_s = (
@@ -98,9 +113,9 @@ class SearchSchedule:
         return stamp_s - track.read_at >= period_s
 
 
-def _period_s(track: VehicleTrack, lead: VehicleTrack | None) -> float:
+def _period_s(track: VehicleTrack, urgent: list[VehicleTrack]) -> float:
     """Time between two searches for a track; vehicles are found in all of the image only."""
-    is_urgent = track is lead or not track.confirmed
+    is_urgent = track in urgent or not track.confirmed
     is_urgent &= track.last.kind is not DetectionKind.VEHICLE
     return 0.0 if is_urgent else OTHERS_PERIOD_S
 

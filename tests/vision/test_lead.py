@@ -1,16 +1,22 @@
 """The lead is the nearest vehicle in the host vehicle's lane; detections are given."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from onboard.observations import Curvature, PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
+from onboard.vision.frame_admission import AdmittedFrame
 from onboard.vision.lane import HostLane
 from onboard.vision.lead import LeadSelector
+from onboard.vision.parameters import DEFAULT_PARAMETERS
 from onboard.vision.perspective import Corners, RoadPosition
 from onboard.vision.plate_formats import PlateFormats
+from onboard.vision.search_schedule import SearchSchedule
+from onboard.vision.sized_camera import SizedCamera
 from onboard.vision.tracker import Tracker
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -120,6 +126,43 @@ def test_where_vehicles_are_found_an_unread_plate_alone_is_no_lead() -> None:
     assert road.choice.has_candidate(road.tracker.tracks, road.stamp_s)
     assert road.step(unread(20.0), found_vehicle(20.5)) is not None
     assert not road.choice.has_candidate(road.tracker.tracks, road.stamp_s)
+
+
+def test_a_lane_through_which_a_vehicle_passes_is_not_free() -> None:
+    """It crosses at 3 m/s, and is beyond the lane a second later: no lead."""
+    road = TrackedRoad()
+
+    for step in range(12):
+        right_m = 2.1 - 0.3 * step
+        assert road.step(detection(16.0, right_m)) is None
+        if step >= 5 and abs(right_m) < 1.0:
+            assert road.choice.has_candidate(road.tracker.tracks, road.stamp_s)
+
+
+def test_the_plate_of_a_vehicle_that_comes_into_the_lane_is_read_in_every_frame() -> None:
+    road, schedule = TrackedRoad(), SearchSchedule(DEFAULT_PARAMETERS, finds_vehicles=False)
+    camera = cast("SizedCamera", SimpleNamespace(road=None))
+    image = np.zeros((1, 1, 3), np.uint8)
+
+    def step(coming_m: float) -> set[float]:
+        """Lateral positions of the vehicles whose plates are read."""
+        detections = [
+            replace(detection(ahead_m, right_m, None), corners_px=np.full((4, 2), right_m))
+            for ahead_m, right_m in ((16.0, coming_m), (14.0, -3.5))
+        ]
+        assert road.step(*detections) is None
+        tracks = road.tracker.tracks
+        frame = AdmittedFrame(image, road.stamp_s, camera, *[False] * 4)
+        plan = schedule.next_plan(frame, tracks, None, road.choice.entering(tracks))
+        regions = (*(plan.tracked or ()), *plan.known)
+        return {float(each.corners_px[0, 0]) for each in regions if each.read_text}
+
+    beside = [step(3.5) for _ in range(8)]
+    coming_m = [3.5 - 0.15 * index for index in range(10)]
+    coming = [each in step(each) for each in coming_m]
+
+    assert sum(3.5 in read for read in beside) <= 2
+    assert all(coming[5:])
 
 
 def test_a_plate_is_no_lead_any_more_when_no_vehicle_is_found_around_it() -> None:
