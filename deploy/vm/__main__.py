@@ -148,7 +148,7 @@ class VmTest:
             machine = Machine(BUILD, DRIVEN, SHARE, counted=True)
         try:
             self._slowness = slowness(machine)
-            machine.run("systemctl stop onboard")
+            machine.run("systemctl start rig; systemctl stop onboard")  # once the rig is ready
             self._doctor(machine)
             drive = VmDrive(machine)
             self._drive(drive)
