@@ -341,11 +341,11 @@ def loaded(vehicle: Stack, until_s: float, share: float, speed_m_s: float = 30.0
     return sent
 
 
-@pytest.mark.parametrize(("share", "interval_s"), [(0.05, 0.2), (0.55, 0.3), (0.75, 1.0)])
+@pytest.mark.parametrize(("share", "interval_s"), [(0.55, 0.3), (0.75, 1.0)])
 def test_cams_are_made_when_the_gate_opens_and_are_new_when_sent(
     share: float, interval_s: float
 ) -> None:
-    """Every 0.2 s by the motion; the reactive gate opens after 0.05, 0.25 and 1 s."""
+    """Every 0.2 s by the motion; the reactive gate opens after 0.25 and 1 s."""
     vehicle = its_car("AAA1", congestion_control="reactive")
     sent = [wsm for wsm in loaded(vehicle, 9.0, share) if wsm.stamp_s > 4.0]
     assert np.diff([wsm.stamp_s for wsm in sent]) == pytest.approx(interval_s, abs=0.06)
@@ -390,12 +390,11 @@ def test_cams_and_cpms_take_turns_at_a_gate_that_opens_seldom(
 
 
 def test_access_never_sends_more_often_than_the_gate_opens() -> None:
-    """An unsafe vehicle at rest: every 0.1 s on a free channel."""
-    for share, least, most in ((0.05, 35, 45), (0.75, 4, 5)):
-        vehicle = its_car("AAA1", congestion_control="reactive")
-        vehicle._vehicle._sharing.transmitter.receive_max_interval(0.1, 0.0)
-        sent = [wsm for wsm in loaded(vehicle, 8.0, share, 0.0) if wsm.stamp_s >= 4.0]
-        assert least <= len(sent) <= most
+    """An unsafe vehicle at rest, which would send every 0.1 s."""
+    vehicle = its_car("AAA1", congestion_control="reactive")
+    vehicle._vehicle._sharing.transmitter.receive_max_interval(0.1, 0.0)
+    sent = [wsm for wsm in loaded(vehicle, 7.0, 0.75, 0.0) if wsm.stamp_s >= 4.0]
+    assert 3 <= len(sent) <= 4
 
 
 def test_a_signer_says_only_what_its_certificate_permits() -> None:
