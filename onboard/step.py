@@ -65,7 +65,20 @@ class BrakeButton:
     stamp_s: float
 
 
-Input = CanFrame | ReceivedWsm | BrakeButton | Observation
+@dataclass(frozen=True, slots=True)
+class ProgramMessage:
+    """A message that another program has the vehicle sign and send."""
+
+    kind: ClassVar[str] = "program_message"
+    stamp_s: float
+    service: int
+    """PSID or ITS-AID."""
+    user_priority: int
+    """Lower than that of any message of the vehicle's own."""
+    data: bytes
+
+
+Input = CanFrame | ReceivedWsm | BrakeButton | ProgramMessage | Observation
 
 
 @dataclass(frozen=True, slots=True)

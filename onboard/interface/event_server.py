@@ -10,6 +10,7 @@ from onboard.errors import DecodeError, UserError
 from onboard.interface.event_stream import EventReader, EventStream, line_of
 from onboard.interface.requests import (
     BrakeButtonPress,
+    MessageRequest,
     ObjectList,
     Request,
     Subscribe,
@@ -37,6 +38,7 @@ class EventServer:
         build: str,
         on_brake: Callable[[], None],
         on_object_list: Callable[[bytes], None],
+        on_message: Callable[[MessageRequest], None],
     ) -> None:
         """Build the server; nothing is served yet.
 
@@ -45,11 +47,13 @@ class EventServer:
             build: of the daemon, for the first line.
             on_brake: called when a client presses the brake button.
             on_object_list: called with a detector's list.
+            on_message: called with a message to send.
         """
         self._settings = settings
         self._build = build
         self._on_brake = on_brake
         self._on_object_list = on_object_list
+        self._on_message = on_message
         self._stream = EventStream()
         self._clients: set[asyncio.Task[None]] = set()
         self._detector: EventReader | None = None
@@ -132,10 +136,13 @@ class EventServer:
                     self._on_brake()
                 case ObjectList():
                     self._on_object_list(line)
+                case MessageRequest():
+                    self._on_message(request)
 
     def _read(self, line: bytes, reader: EventReader) -> Request:
         """Read a client's line. Raises `DecodeError`, also of a second client that sends lists."""
-        request = read_request(line, self._settings.accepts)
+        sends = [each.psid for each in self._settings.sends]
+        request = read_request(line, self._settings.accepts, sends)
         if isinstance(request, ObjectList):
             self._detector = self._detector or reader
             if self._detector is not reader:

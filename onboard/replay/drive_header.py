@@ -44,6 +44,8 @@ def make_header(initial: InitialState, aliases: Aliases, *, is_complete: bool) -
             "profile": radio.profile,
             "congestion_control": radio.congestion_control,
         }
+    if config.interface is not None and config.interface.sends:
+        tree["interface"] = {"sends": [each.model_dump() for each in config.interface.sends]}
     if "brake_request" in tree:  # without addresses
         tree["brake_request"] |= {"udp": None, "can": None}
     tree.get("security", {}).pop("keys_folder", None)

@@ -16,6 +16,7 @@ import structlog
 from onboard.access.driver_file import DriverFile
 from onboard.access.driver_model import DEFAULT_POPULATION
 from onboard.errors import UserError
+from onboard.interface.requests import MessageRequest
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.obd.dbc_file import read_signals
 from onboard.observations import Discarded
@@ -29,7 +30,7 @@ from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
-from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
+from onboard.step import BrakeButton, Input, ProgramMessage, ReceivedWsm, SentWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
@@ -121,6 +122,7 @@ class Daemon:
                 self.config.interface,
                 self._take_brake_button,
                 self._wires.take_object_list,
+                self._take_message,
                 exits,
             )
             await self._sinks.open_page(self.config, self._stack, self._take_brake_button, exits)
@@ -204,6 +206,10 @@ class Daemon:
 
     def _take_brake_button(self, _: None) -> None:
         self._take(lambda now: [BrakeButton(now)])
+
+    def _take_message(self, message: MessageRequest) -> None:
+        data = bytes.fromhex(message.data)
+        self._take(lambda now: [ProgramMessage(now, message.psid, message.user_priority, data)])
 
     def _plan_step(self) -> None:
         """Plan a step as soon as the wires have been polled."""

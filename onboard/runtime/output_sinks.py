@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import structlog
 
 from onboard.interface.event_server import EventServer
+from onboard.interface.requests import MessageRequest
 from onboard.interface.settings import InterfaceSettings
 from onboard.recorder.build import present_build
 from onboard.recorder.records import RecorderState
@@ -110,6 +111,7 @@ class OutputSinks:
         settings: InterfaceSettings | None,
         on_brake: Callable[[None], None],
         on_object_list: Callable[[bytes], None],
+        on_message: Callable[[MessageRequest], None],
         edges: contextlib.AsyncExitStack,
     ) -> None:
         """Serve events to other programs, if that is configured, until `edges` are closed.
@@ -118,6 +120,7 @@ class OutputSinks:
             settings: port, and what the programs may send.
             on_brake: called when one of them presses the brake button.
             on_object_list: called with what one of them detects.
+            on_message: called with what one of them has the vehicle send.
             edges: closes the server.
 
         Raises:
@@ -125,7 +128,9 @@ class OutputSinks:
         """
         if settings is not None:
             build = present_build().name
-            server = EventServer(settings, build, lambda: on_brake(None), on_object_list)
+            server = EventServer(
+                settings, build, lambda: on_brake(None), on_object_list, on_message
+            )
             await server.start()
             edges.push_async_callback(server.close)
             self._interface = server

@@ -14,6 +14,7 @@ from onboard.detector.settings import DetectorSettings
 from onboard.gnss.settings import GnssSettings
 from onboard.hmi.settings import HmiSettings
 from onboard.interface.settings import InterfaceSettings
+from onboard.its_g5 import ports
 from onboard.lcca.settings import LccaSettings
 from onboard.mvs.settings import MvsSettings, SharedIn
 from onboard.obd.settings import DEFAULT_CHANNEL, CanSettings, ObdSettings
@@ -126,12 +127,21 @@ class CarConfig(Settings):
     @property
     def psids(self) -> frozenset[int]:
         """Services in which it sends."""
+        of_programs = frozenset(self.ports_of_programs)
         if self.radio_profile is RadioProfile.ITS_G5:
-            return frozenset({self.lcca_psid, psid.CAM, psid.DENM, psid.CPM})
+            return of_programs | {self.lcca_psid, psid.CAM, psid.DENM, psid.CPM}
         shares_in_sdsm = self.mvs.shared_in is not SharedIn.FOOTER
-        return frozenset({self.lcca_psid, psid.BSM}) | (
-            {psid.SENSOR_SHARING} if shares_in_sdsm else set()
+        return (
+            of_programs
+            | {self.lcca_psid, psid.BSM}
+            | ({psid.SENSOR_SHARING} if shares_in_sdsm else set())
         )
+
+    @property
+    def ports_of_programs(self) -> dict[int, int]:
+        """BTP ports by the services in which other programs send; 0 with WSMP, which has none."""
+        sends = () if self.interface is None else self.interface.sends
+        return {each.psid: each.btp_port or 0 for each in sends}
 
     @property
     def radio_profile(self) -> RadioProfile:
@@ -183,6 +193,27 @@ class CarConfig(Settings):
         accepts = () if interface is None else interface.accepts
         if "object_list" in accepts and info.data.get("detector") is None:
             raise ValueError("accepts object_list: requires the section `detector`")
+        return interface
+
+    @field_validator("interface")
+    @classmethod
+    def _sends_as_the_radio_does(
+        cls, interface: InterfaceSettings | None, info: ValidationInfo
+    ) -> InterfaceSettings | None:
+        radio = info.data.get("radio")
+        for each in () if interface is None else interface.sends:
+            if radio is None:
+                raise ValueError("sends: requires the section `radio`")
+            if each.psid == info.data.get("lcca_psid"):
+                raise ValueError(f"sends: psid 0x{each.psid:X} is `lcca_psid`")
+            if (each.btp_port is None) is (radio.profile is RadioProfile.ITS_G5):
+                raise ValueError(
+                    f"sends: psid 0x{each.psid:X}: the profile its-g5 needs btp_port, wave has none"
+                )
+            if each.btp_port in (ports.LCCA, *ports.OF_SERVICES.values()):
+                raise ValueError(
+                    f"sends: btp_port {each.btp_port} is of the vehicle's own messages"
+                )
         return interface
 
     def sensors(self) -> frozenset[Sensor]:

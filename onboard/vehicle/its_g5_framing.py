@@ -1,7 +1,7 @@
 """ITS-G5: the message with BTP and all of GeoNetworking but the basic header is signed."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from typing_extensions import override
 
@@ -48,6 +48,7 @@ class ItsG5Framing(RadioFraming):
         lcca_psid: int,
         position: Callable[[], Position | None],
         station_type: int = PASSENGER_CAR,
+        others: Mapping[int, int] | None = None,
     ) -> None:
         """Frame messages of the standard's services, and of LCCA under `lcca_psid`.
 
@@ -55,9 +56,10 @@ class ItsG5Framing(RadioFraming):
             lcca_psid: of LCCA messages.
             position: last fix of the host vehicle.
             station_type: in the address.
+            others: ports of further services.
         """
         self._station_type = station_type
-        self._ports = {**ports.OF_SERVICES, lcca_psid: ports.LCCA}
+        self._ports = {**ports.OF_SERVICES, lcca_psid: ports.LCCA, **(others or {})}
         self._services = {port: service for service, port in self._ports.items()}
         self._position = position
         self._mac = bytes(6)

@@ -40,7 +40,15 @@ from onboard.security.pseudonyms import CertificateExpired, FreshEntropy, Pseudo
 from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
-from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm, StepOutputs, send_later
+from onboard.step import (
+    BrakeButton,
+    Input,
+    ProgramMessage,
+    ReceivedWsm,
+    SentWsm,
+    StepOutputs,
+    send_later,
+)
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.framing import RadioFraming, WaveFraming
@@ -61,6 +69,9 @@ LCCA_LIFETIME_S = 0.5
 
 BSM_LIFETIME_S = 0.1
 """Time a BSM may wait for the radio: the shortest interval to the next one (SAE J2945/1)."""
+
+PROGRAM_LIFETIME_S = 1.0
+"""Time a message of another program may wait for the radio."""
 
 
 class Stack:
@@ -99,7 +110,9 @@ class Stack:
         radio = config.radio
         if radio is not None and radio.profile is RadioProfile.ITS_G5:
             self._messages: MessageSet = ItsMessages()
-            self.framing: RadioFraming = ItsG5Framing(config.lcca_psid, self._last_fix)
+            self.framing: RadioFraming = ItsG5Framing(
+                config.lcca_psid, self._last_fix, others=config.ports_of_programs
+            )
             control = CongestionControl(radio.congestion_control, now)
         else:
             self._messages, self.framing, control = J2735Messages(), WaveFraming(), None
@@ -239,6 +252,8 @@ class Stack:
                 threshold_m_s2 = self._config.obd.hard_brake_threshold_g * STANDARD_GRAVITY_M_S2
                 test = HardBrake(now, threshold_m_s2, "button", BrakeCause.TEST)
                 self._vehicle.receive_observation(test, now)
+            case ProgramMessage(service=service, user_priority=priority, data=data):
+                self._link.submit(data, service, priority, PROGRAM_LIFETIME_S, now)
             case _:
                 self._vehicle.receive_observation(received, now)
 

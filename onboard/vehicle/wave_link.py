@@ -19,6 +19,8 @@ from onboard.wave_udp import psid
 from onboard.wave_udp.radio_queue import PRIORITIES, RadioQueue
 from onboard.wave_udp.wsmp import WaveShortMessage
 
+AWARENESS_PRIORITY = 3
+"""User priority of CAMs and CPMs, the lowest of messages that congestion control holds back."""
 ANSWER_PRIORITY = 1
 """User priority of certificates for others: the lowest, background."""
 ANSWER_LIFETIME_S = 1.0
@@ -142,12 +144,13 @@ class WaveLink(Core):
     def opens_at(self, now: float) -> float:
         """Return when to ask again whether an awareness message would be sent at once.
 
-        At most `now` if it would; other frames that wait take their turn first.
+        At most `now` if it would; frames as urgent that wait take their turn first.
         """
         control = self._congestion_control
         if control is None:
             return now
-        return max(control.opens_at(0), now + LEAST_INTERVAL_S if len(self._queue) else now)
+        others = self._queue.waiting(AWARENESS_PRIORITY)
+        return max(control.opens_at(0), now + LEAST_INTERVAL_S if others else now)
 
     @override
     def get_timer(self) -> float:

@@ -61,6 +61,9 @@ ISO/TC 204 registry of ITS-AIDs). The values for testing beside them need an aut
 LCCA = PRIVATE_USE[0]
 """PSID of LCCA messages, unless configured otherwise."""
 
+OWN = J2735 | {CAM, DENM, CPM, VAM, MAPEM, SPATEM, PEER_TO_PEER, CRL}
+"""Services whose messages are made or used here."""
+
 OF_ROAD_SIDE_UNITS = frozenset({MAP, SPAT, SENSOR_SHARING})
 """Services in which road-side units send."""
 

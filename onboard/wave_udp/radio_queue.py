@@ -62,6 +62,10 @@ class RadioQueue:
         """Return the number of frames that wait."""
         return sum(map(len, self._queues))
 
+    def waiting(self, least_priority: int) -> int:
+        """Return the number of frames that wait with this user priority or a higher one."""
+        return sum(map(len, self._queues[least_priority:]))
+
     def put(self, wsm: bytes, user_priority: int, expires_at: float, now: float) -> None:
         """Queue a frame. A full queue drops the oldest of its frames of lowest priority.
 

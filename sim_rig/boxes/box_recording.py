@@ -12,7 +12,7 @@ from onboard.recorder.segment import IMAGES, LOCATIONS
 from sim_rig.run_log.run_log import Record
 
 _WSM_IN, _WSM_OUT, _STEP = "/in/wsm", "/out/wsm", "/in/step"
-_UNTRACED = frozenset({"wsm", "can", "step", "identity", "brake_button"})
+_UNTRACED = frozenset({"wsm", "can", "step", "identity", "brake_button", "program_message"})
 """Kinds that a recording has and a trace has not."""
 
 

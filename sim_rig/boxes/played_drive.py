@@ -39,7 +39,7 @@ _LATE_S = 5.0
 _JPEG_QUALITY = 95
 _CAMERA_KINDS = frozenset({"lead", "plate", "vehicle_detection"})
 """What a camera's pictures have become in a black box recording."""
-_OF_NO_WIRE = frozenset({"brake_button"})
+_OF_NO_WIRE = frozenset({"brake_button", "program_message"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ import pytest
 from onboard.errors import UserError
 from onboard.interface.event_server import MOST_CLIENTS, VERSION, EventServer
 from onboard.interface.event_stream import MOST_WAITING_BYTES, EventStream
-from onboard.interface.settings import InterfaceSettings
+from onboard.interface.requests import MessageRequest
+from onboard.interface.settings import InterfaceSettings, SentService
 from tests.architecture.syntax import ROOT
 
 HOST = "127.0.0.1"
@@ -27,9 +28,13 @@ class Vehicle:
     def __init__(self, port: int, *accepts: Any) -> None:
         self.brakes = 0
         self.lists: list[bytes] = []
-        settings = InterfaceSettings(port=port, accepts=accepts)
+        self.messages: list[MessageRequest] = []
+        sends = (SentService(psid=0x83),)
+        settings = InterfaceSettings(port=port, accepts=accepts, sends=sends)
         self.port = port
-        self.server = EventServer(settings, "0.0.0", self._brake, self.lists.append)
+        self.server = EventServer(
+            settings, "0.0.0", self._brake, self.lists.append, self.messages.append
+        )
         self._writers: list[asyncio.StreamWriter] = []
 
     def _brake(self) -> None:
@@ -193,6 +198,16 @@ def test_lists_of_detections_are_handed_on_as_they_are() -> None:
 
     (data,) = serve(run, "object_list").lists
     assert json.loads(data)["sent_s"] == 1.0
+
+
+def test_messages_to_send_are_handed_on() -> None:
+    async def run(vehicle: Vehicle) -> None:
+        client = await vehicle.client()
+        send(client, kind="message", psid=0x83, data="00ff")
+        await until(lambda: bool(vehicle.messages))
+
+    (message,) = serve(run).messages
+    assert (message.psid, message.data) == (0x83, "00ff")
 
 
 def test_one_program_at_a_time_sends_lists() -> None:

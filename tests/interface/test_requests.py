@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 
 from onboard.errors import DecodeError
 from onboard.interface.requests import (
+    MOST_BYTES,
     MOST_KINDS,
     BrakeButtonPress,
+    MessageRequest,
     ObjectList,
     Subscribe,
     read_request,
@@ -75,3 +77,56 @@ def test_lists_of_a_detector_need_its_section() -> None:
         parse_settings(tree, CarConfig, "a test")
 
     parse_settings(tree | {"detector": {}}, CarConfig, "a test")
+
+
+TIM = 0x83
+
+
+def test_a_message_of_a_permitted_service_is_read_and_of_another_refused() -> None:
+    message = line(kind="message", psid=TIM, data="00ff")
+    request = read_request(message, (), [TIM])
+    assert isinstance(request, MessageRequest)
+    assert (request.user_priority, request.data) == (1, "00ff")
+    for sends in ((), (0x84,)):
+        with pytest.raises(DecodeError, match=r"not_permitted.*0x83"):
+            read_request(message, ("message",), sends)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"data": "0"},
+        {"data": "xy"},
+        {"data": ""},
+        {"data": "00" * (MOST_BYTES + 1)},
+        {"user_priority": 3},
+        {"psid": "0x83"},
+    ],
+)
+def test_a_malformed_message_is_refused(wrong: dict[str, object]) -> None:
+    fields: dict[str, object] = {"psid": TIM, "data": "00ff"} | wrong
+    with pytest.raises(DecodeError, match="malformed"):
+        read_request(line(kind="message", **fields), (), [TIM])
+
+
+def config_of(profile: str | None, **sends: int) -> CarConfig:
+    tree: dict[str, object] = {"car": {"plate": "AAA1"}, "interface": {"sends": [sends]}}
+    if profile is not None:
+        tree["radio"] = {"endpoint": "raw", "interface": "air", "profile": profile}
+    return parse_settings(tree, CarConfig, "car.yaml")
+
+
+def test_services_of_programs_are_of_the_profile_and_not_the_vehicles_own() -> None:
+    assert TIM in config_of("wave", psid=TIM).psids
+    assert config_of("its-g5", psid=0x8B, btp_port=2006).ports_of_programs == {0x8B: 2006}
+    for profile, sends, reason in (
+        ("wave", {"psid": 0x20}, "own"),
+        ("its-g5", {"psid": 0x25, "btp_port": 2006}, "own"),
+        ("wave", {"psid": 0x4020}, "lcca_psid"),
+        ("wave", {"psid": TIM, "btp_port": 2006}, "btp_port"),
+        ("its-g5", {"psid": TIM}, "btp_port"),
+        ("its-g5", {"psid": TIM, "btp_port": 2001}, "btp_port"),
+        (None, {"psid": TIM}, "radio"),
+    ):
+        with pytest.raises(SettingsError, match=reason):
+            config_of(profile, **sends)

@@ -24,7 +24,7 @@ MESSAGES = {
 """Traced as the content of `received` and `sent`."""
 NOT_TRACED = MESSAGES | {
     "brake_button", "camera_image", "can", "driver_view", "entropy_input", "identity",
-    "recording_gap", "step", "wsm",
+    "program_message", "recording_gap", "step", "wsm",
 }  # fmt: skip
 """Inputs, and what recordings alone or the driver's page have."""
 DRIVES = sorted((ROOT / "tests/drives").glob("*.mcap"))

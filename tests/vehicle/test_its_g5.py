@@ -36,7 +36,7 @@ from onboard.security.security_services import SecurityServices
 from onboard.security.settings import PlateDigestSettings
 from onboard.sensors.host_state import HostState
 from onboard.settings import SettingsError, parse_settings
-from onboard.step import ReceivedWsm, SentWsm
+from onboard.step import ProgramMessage, ReceivedWsm, SentWsm
 from onboard.tools.test_ca.authority import SSPS_OF_CARS, make_trial
 from onboard.trace.trace_line import as_trace_record
 from onboard.vehicle.config import CarConfig
@@ -429,3 +429,24 @@ def test_a_person_on_the_road_is_perceived_and_warned_of() -> None:
             assert [each.name for each in others] == [b"walk".hex()]
     assert {each["cause"] for each in levels} == {"fcw"}
     assert "warning" in {each["level"] for each in levels}
+
+
+def test_a_message_of_a_program_goes_to_its_port_after_the_vehicles_own() -> None:
+    tree = {
+        "car": {"plate": "AAA1"},
+        "radio": {"endpoint": "raw", "interface": "air", "profile": "its-g5"},
+        "interface": {"sends": [{"psid": 0x8B, "btp_port": 2006}]},
+    }
+    vehicle = Stack(
+        parse_settings(tree, CarConfig, "AAA1"), (Sensor.POSITION,), RNG, now=0.0, utc_s=UTC_S
+    )
+    sent = []
+    for now in np.arange(0.05, 4.0, 0.05):
+        fix = Position(now, 48.0 + 30.0 * now / 111_195, 11.0, 500.0, 0.5, 30.0, 0.0)
+        flood = [ProgramMessage(now, 0x8B, 2, b"ivi")] * 20
+        sent += vehicle.step((fix, *flood), now).wsms
+    cams = [each.stamp_s for each in sent if _port(each.data) == 2001]
+    assert np.diff(cams) == pytest.approx(0.2, abs=0.06)  # as without the program
+    programs = [each.data for each in sent if _port(each.data) == 2006]
+    assert len(programs) > 10
+    assert packet.decode(programs[0][4:]).payload == b"ivi"
