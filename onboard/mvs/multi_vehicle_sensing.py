@@ -38,7 +38,6 @@ from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.waiting_footers import FOOTERS_TOGETHER, MAX_WAITING_FOOTERS, WaitingFooters
 from onboard.observations import Discarded, Position, VehicleDetection
-from onboard.tracking.common_errors import common_variance_m2
 from onboard.tracking.evidence import (
     Measurement,
     ProvenanceSpans,
@@ -406,9 +405,7 @@ class MultiVehicleSensing(Core):
         now_ms, q = self._utc_ms(now), self._parameters.acceleration_density
         objects = []
         states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
-        common_m2 = [
-            common_variance_m2(track.estimate.provenance, self._other_sigma_m) for track in tracks
-        ]
+        common_m2 = [track.common_variance_m2 for track in tracks]
         covariances[0, 0] += common_m2
         covariances[1, 1] += common_m2
         for track, state, covariance in zip(
@@ -580,14 +577,15 @@ class MultiVehicleSensing(Core):
         return self._evidence_to_send.sent.wire_number(track, self._tracks)
 
     def _observer_sigma_m(self, observer: bytes) -> float:
-        """Standard deviation of an observer's position; of one that is not received, the host's."""
+        """Standard deviation of an observer's position; of one that is not received, the host's.
+
+        0 for the host vehicle: what it measures is off as its own position is.
+        """
+        if observer in self._own_ids:
+            return 0.0
         remote = self._remote_vehicles.get(observer) or self._road_side_units.get(observer)
         reported = self._own_state() if remote is None else remote.reported
         return min(math.sqrt(float(reported.covariance[0, 0])), MAX_OBSERVER_SIGMA_M)
-
-    def _other_sigma_m(self, observer: bytes) -> float:
-        """The same, 0 for the host vehicle: its measurements are off as its own position is."""
-        return 0.0 if observer in self._own_ids else self._observer_sigma_m(observer)
 
     def _own_state(self) -> ReportedState:
         own = self._host.state()

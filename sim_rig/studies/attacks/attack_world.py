@@ -115,6 +115,7 @@ class Signer:
         brakes: bool = False,
         acceleration_m_s2: float | None = None,
         footer: bytes | None = None,
+        accuracy_m: float = 0.5,
     ) -> bytes:
         """Return a signed BSM in a WSM, or its CAM in a packet.
 
@@ -126,6 +127,7 @@ class Signer:
             brakes: whether the hard braking flag is set.
             acceleration_m_s2: that it claims.
             footer: of MVS.
+            accuracy_m: sigma of the place, that it claims.
         """
         self._sent += 1
         latitude_deg, longitude_deg = (None, None) if place_m is None else placed(*place_m)
@@ -136,7 +138,7 @@ class Signer:
             latitude_deg,
             longitude_deg,
             None,
-            PositionalAccuracy(*(() if place_m is None else (0.5, 0.5))),
+            PositionalAccuracy(*(() if place_m is None else (accuracy_m, accuracy_m))),
             speed_m_s=math.hypot(*velocity_m_s),
             heading_rad=math.atan2(*velocity_m_s) % math.tau,
             acceleration=AccelerationSet(longitudinal_m_s2=acceleration_m_s2),

@@ -37,6 +37,8 @@ CLAIMED_M_S2 = 8.0
 CLAIMED_FOR_S = 0.3
 """And for as long, the claimed speed rises again to that of the lead vehicle."""
 GAP_SIGMA_M = 0.3
+PERFECT_M = 0.05
+"""The best accuracy of a position that a BSM can state."""
 CLOSING_SIGMA_M_S = 1.0
 """That the rig's camera states; its errors are a fifth."""
 
@@ -161,7 +163,11 @@ def by_bsm(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iter
 
 
 def by_footer(host: AttackedHost, signer: Signer, insider: int, now: float) -> Iterator[bytes]:
-    """Measurements of a vehicle that does what the lead vehicle does not do, shared from beside."""
+    """Measurements of a vehicle that does what the lead vehicle does not do, shared from beside.
+
+    The insider claims a perfect receiver: errors of its position would be those of its
+    measurements, and the claimed vehicle might then be the lead vehicle itself.
+    """
     brakes = _brakes(now)
     if brakes is None:
         return
@@ -170,7 +176,11 @@ def by_footer(host: AttackedHost, signer: Signer, insider: int, now: float) -> I
     place_m = 0.0, host.north_m + GAP_M + FACE_TO_CENTRE_M - braking_m_s2 * braked_s**2 / 2.0
     footer = signer.footer(number % 200, place_m, now)
     yield signer.bsm_at(
-        (4.0 + 3.0 * insider, host.north_m - 10.0), (0.0, SPEED_M_S), now, footer=footer
+        (4.0 + 3.0 * insider, host.north_m - 10.0),
+        (0.0, SPEED_M_S),
+        now,
+        footer=footer,
+        accuracy_m=PERFECT_M,
     )
 
 
