@@ -11,14 +11,10 @@ but for white acceleration noise of spectral density q (m^2/s^3):
 A measurement observes the position only, H = [I 0] (2 x 4). An estimate made by another vehicle
 observes the whole state, H = I (4 x 4), with the covariance that its sender gives.
 
-Both are used as information, J = H' R^-1 H and H' R^-1 z (R is the covariance of z), so that one
-step of N tracks is a dozen numpy operations whatever each observes. With L = (I + P J)^-1, which is
-I - K H, Joseph's form of the update is
-
-    P+ = L P L' + (L P) J (L P)'      x+ = x + P+ (H' R^-1 z - J x)
-
-and is symmetrised: a covariance stays symmetric and positive whatever the noise that is put in, as
-long as that is.
+Both are used alike, so that one step of N tracks is a dozen numpy operations whatever is observed:
+of a measurement, the columns of the gain for the speed are 0. Updates are in Joseph's form and
+symmetrised: a covariance stays symmetric and positive whatever the noise that is put in, as long
+as that is.
 """
 
 from dataclasses import dataclass
@@ -65,10 +61,12 @@ class Steps:
     """F (N, 4, 4)"""
     noises: Array
     """Q (N, 4, 4)"""
-    informations: Array
-    """J (N, 4, 4)"""
-    vectors: Array
-    """H' R^-1 z (N, 4, 1)"""
+    observes: Array
+    """(N, 1, 4), 1.0 for what is observed, 0.0 for the rest"""
+    errors: Array
+    """R (N, 4, 4), with the identity for what is not observed"""
+    values: Array
+    """z (N, 4, 1)"""
 
     @classmethod
     def of(cls, observed: StateArrays, dt_s: Array, q: float) -> Self:
@@ -86,20 +84,20 @@ class Steps:
         noises[:, [0, 1], [0, 1]] = (q * dt_s**3 / 3)[:, None]
         noises[:, [0, 1, 2, 3], [2, 3, 0, 1]] = (q * dt_s**2 / 2)[:, None]
         noises[:, [2, 3], [2, 3]] = (q * dt_s)[:, None]
-        observes = np.ones((n, 4))
-        observes[:, 2:] = observed.has_speed[:, None]
-        blocks = observes[:, :, None] * observes[:, None, :]
-        covariances = np.where(blocks > 0, observed.covariances.transpose(2, 0, 1), _I4)
-        # Scaled to correlations, metres and metres a second of all sizes are inverted alike.
-        sigmas = np.sqrt(covariances[:, range(4), range(4)])
-        scales = sigmas[:, :, None] * sigmas[:, None, :]
-        informations = np.linalg.inv(covariances / scales) / scales * blocks
-        return cls(transitions, noises, informations, informations @ observed.states.T[:, :, None])
+        observes = np.ones((n, 1, 4))
+        observes[:, 0, 2:] = observed.has_speed[:, None]
+        blocks = observes * observes.swapaxes(1, 2)
+        errors = np.where(blocks > 0, observed.covariances.transpose(2, 0, 1), _I4)
+        return cls(transitions, noises, observes, errors, observed.states.T[:, :, None])
 
     def __getitem__(self, rows: slice) -> Self:
         """Return some of the steps."""
         return type(self)(
-            self.transitions[rows], self.noises[rows], self.informations[rows], self.vectors[rows]
+            self.transitions[rows],
+            self.noises[rows],
+            self.observes[rows],
+            self.errors[rows],
+            self.values[rows],
         )
 
 
@@ -116,9 +114,11 @@ def advance(states: Array, covariances: Array, steps: Steps) -> tuple[Array, Arr
     """
     turned = steps.transitions.swapaxes(1, 2)
     prior = steps.transitions @ covariances @ turned + steps.noises
-    rest = np.linalg.inv(_I4 + prior @ steps.informations)
-    pulled = rest @ prior
-    kept = pulled @ rest.swapaxes(1, 2) + pulled @ steps.informations @ pulled.swapaxes(1, 2)
-    kept = (kept + kept.swapaxes(1, 2)) / 2
+    crossed = prior * steps.observes  # P H'
+    innovation = crossed * steps.observes.swapaxes(1, 2) + steps.errors
+    gain = np.linalg.solve(innovation, crossed.swapaxes(1, 2)).swapaxes(1, 2)
+    rest = _I4 - gain
+    kept = rest @ prior @ rest.swapaxes(1, 2) + gain @ steps.errors @ gain.swapaxes(1, 2)
     predicted = steps.transitions @ states
-    return predicted + kept @ (steps.vectors - steps.informations @ predicted), kept
+    updated = predicted + gain @ (steps.values - predicted)
+    return updated, (kept + kept.swapaxes(1, 2)) / 2

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.kinematics.arrays import Array, StateArrays
+from onboard.mvs.footer_coding import from_correlations
 from onboard.tracking.kalman import Steps, advance, predict
 
 with warnings.catch_warnings():
@@ -73,6 +74,31 @@ def test_many_tracks_at_once_are_filterpy_track_by_track(n: int) -> None:
         for i, track in enumerate(tracks):
             np.testing.assert_allclose(states[:, i], track.x, rtol=1e-9, atol=1e-9)
             np.testing.assert_allclose(covariances[:, :, i], track.P, rtol=1e-9, atol=1e-9)
+
+
+def test_states_are_right_with_covariances_as_lopsided_as_can_be_encoded() -> None:
+    """Used as information, R^-1, they moved a vehicle by 200 of its standard deviations."""
+    rng, n = np.random.default_rng(5), 300
+    states, covariances = np.zeros((4, n)), np.diag([1.0, 1.0, 1e4, 1e4])[:, :, None] + np.zeros(n)
+    for size in (2, 4, 4, 2):
+        dt_s, z = rng.choice([0.0, 0.1, 0.4], n), 10 * rng.normal(size=(size, n))
+        noise = from_correlations(
+            rng.choice([0.1, 1.0, 20.0, 1900.0], (n, size)),
+            rng.choice([-127 / 128, 0.0, 127 / 128], (n, size * (size - 1) // 2)),
+        ).transpose(1, 2, 0)
+        prior = predict(states, covariances, dt_s, Q)
+        states, covariances = advanced(states, covariances, dt_s, z, noise)
+
+        for i in range(n):
+            x, p, r = prior[0][:, i], prior[1][:, :, i], noise[:, :, i]
+            gain = np.linalg.solve(p[:size, :size] + r, p[:size]).T
+            rest = np.eye(4) - gain @ np.eye(size, 4)
+            expected = rest @ p @ rest.T + gain @ r @ gain.T
+            sigmas_of = np.sqrt(np.diagonal(expected))
+            off = (x + gain @ (z[:, i] - x[:size]) - states[:, i]) / sigmas_of
+            assert np.abs(off).max() < 1e-5
+            off = (expected - covariances[:, :, i]) / np.outer(sigmas_of, sigmas_of)
+            assert np.abs(off).max() < 1e-5
 
 
 sigmas = st.floats(1e-3, 1e3)
