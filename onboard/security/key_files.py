@@ -125,7 +125,8 @@ def read_own_credentials(
 def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
     """Check that each of a car's certificates commits to its IDs; their keys may be elsewhere.
 
-    Of those with one validity, each has one of as many epochs from its beginning.
+    Of those with one validity, each has one of as many epochs from its beginning; where there are
+    fewer epochs, some have none.
 
     Args:
         folder: the folder of the car.
@@ -141,7 +142,8 @@ def check_ids(folder: Path, plate: str, digest: PlateDigest) -> None:
         begin = by_begin.setdefault(certificate.subject.valid_from_utc_s, [])
         begin.append(_read_committed(file.with_suffix(".ids"), certificate))
     for begins_utc_s, committed in by_begin.items():
-        for later in range(len(committed)):
+        epochs = max(1, sum(map(len, committed)))
+        for later in range(min(len(committed), epochs)):
             epoch = digest.epoch(begins_utc_s) + later
             _check_id_of(epoch, committed, folder, plate, digest)
 

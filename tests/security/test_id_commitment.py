@@ -54,6 +54,20 @@ def test_each_derived_id_is_reported() -> None:
     assert len(derived) == sum(len(each.committed) for each in made.pseudonyms) > 0
 
 
+def test_of_more_certificates_than_epochs_some_commit_to_nothing(tmp_path: Path) -> None:
+    """As of 300 for a day: the vehicle uses one of them in each of three epochs."""
+    valid = VALID | {"valid_for_s": 600.0}
+    known = KnownPlate("ABC123", DIGEST)
+
+    made = make_pseudonyms(ISSUING, 5, {BSM, LCCA}, new_key=new_key, plate=known, **valid)
+
+    assert sorted(len(each.committed) for each in made.pseudonyms) == [0, 0, 1, 1, 1]
+    write_credentials(tmp_path / "car", made)
+    check_ids(tmp_path / "car", "ABC123", DIGEST)
+    with pytest.raises(KeyFilesError, match="than ABC124"):
+        check_ids(tmp_path / "car", "ABC124", DIGEST)
+
+
 @given(IDS)
 def test_every_id_of_a_certificate_is_proved(car_ids: list[bytes]) -> None:
     leaves = [leaf(epoch, car_id) for epoch, car_id in enumerate(car_ids)]

@@ -159,7 +159,8 @@ def make_pseudonyms(
         new_key: creates each private key.
         implicit: make implicit certificates.
         region: where they are valid; everywhere if not given.
-        plate: to whose IDs they commit, in a service of `psids`; to none if not given.
+        plate: to whose IDs they commit, in a service of `psids`; to none if not given. Of more
+            certificates than epochs, those that are used in none commit to nothing.
         ssps: bitmaps of permissions in services of `psids`.
     """
     issuer = issuing.credential
@@ -170,7 +171,7 @@ def make_pseudonyms(
         leaves = () if plate is None else plate.leaves(number, count, valid)
         permissions = tuple(
             Permission(psid, ssp_of(leaves))
-            if plate is not None and psid == plate.psid
+            if plate is not None and leaves and psid == plate.psid
             else Permission(psid, ssps.get(psid), is_bitmap=psid in ssps)
             for psid in sorted(psids)
         )
