@@ -4,6 +4,7 @@ import json
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
+from types import UnionType
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -25,7 +26,8 @@ def schema(hint: Any) -> object:
     if isinstance(hint, type) and issubclass(hint, Enum):
         return [each.value for each in hint]
     if get_args(hint):
-        return [type(hint).__name__, *map(schema, get_args(hint))]
+        name = "UnionType" if isinstance(hint, UnionType) else type(hint).__name__  # since 3.14 one
+        return [name, *map(schema, get_args(hint))]
     return getattr(hint, "__name__", str(hint))
 
 
