@@ -92,9 +92,14 @@ SENSOR_PROFILES: Mapping[str, VehicleCameraSettings] = {
         view_deg=40.0, sight_m=150.0, range_sigma=0.0, range_sigma_m=0.25, bearing_sigma_rad=0.01,
         range_rate_sigma_m_s=0.1, misses=0.05, rate_hz=20.0,
     ),
+    "corner-radar-80": VehicleCameraSettings(
+        view_deg=150.0, sight_m=80.0, range_sigma=0.0, range_sigma_m=0.25, bearing_sigma_rad=0.02,
+        range_rate_sigma_m_s=0.1, misses=0.05, rate_hz=20.0,
+    ),
 }  # fmt: skip
 """Sensors by range and field of view. `plate-camera` is the one that ships: the rear plates in its
-lens, as far as they are read. Errors of lidar and radar are typical of data sheets."""
+lens, as far as they are read. Errors of lidar and radars are typical of data sheets;
+`corner-radar-80` is both front corner radars of a vehicle together."""
 
 DetectorProfile = Annotated[VehicleCameraSettings, by_name("sensor profile", SENSOR_PROFILES)]
 """Settings of a detector, or the name of a profile."""

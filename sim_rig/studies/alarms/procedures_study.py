@@ -40,7 +40,13 @@ class ProceduresSettings(Settings):
     """Of each case with each profile, with other errors."""
     procedures: Several[ProcedureName] = tuple(ProcedureName)
     """Groups of cases."""
-    profiles: Several[str] = (BSM, "radar-150", "lidar-120", "plate-camera")
+    profiles: Several[str] = (
+        BSM,
+        "radar-150",
+        "corner-radar-80",
+        "lidar-120",
+        "plate-camera",
+    )
     """Sensors of the host vehicle: `bsm`, or the name of a profile."""
     receivers: ReceiverSettings = ReceiverSettings()
     """Errors of the GNSS receivers."""

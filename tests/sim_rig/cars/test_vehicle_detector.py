@@ -76,7 +76,13 @@ def first_list(profile: str, other: CarState, seed: int = 1) -> DetectionList:
 
 @pytest.mark.parametrize(
     ("profile", "reach_m"),
-    [("plate-camera", 40), ("camera-60", 60), ("lidar-120", 120), ("radar-150", 150)],
+    [
+        ("plate-camera", 40),
+        ("camera-60", 60),
+        ("lidar-120", 120),
+        ("radar-150", 150),
+        ("corner-radar-80", 80),
+    ],
 )
 def test_a_profile_reaches_as_far_as_it_says(profile: str, reach_m: float) -> None:
     def at(north_m: float) -> CarState:

@@ -102,6 +102,19 @@ def test_without_a_sensor_only_the_other_cars_messages_tell_of_it() -> None:
 
 
 @pytest.mark.long
+def test_a_car_that_crosses_is_in_view_of_corner_radars() -> None:
+    crossing = ProceduresSettings(
+        procedures=(ProcedureName.CCCSCP,), profiles=("corner-radar-80",), runs=1
+    )
+
+    row = STUDY.one(crossing, 0)
+
+    assert row.cause == "ima"
+    assert row.lead_s is not None
+    assert row.lead_s >= row.asked_s
+
+
+@pytest.mark.long
 def test_a_left_turn_is_known_as_it_begins() -> None:
     turns = ProceduresSettings(procedures=(ProcedureName.CCFTAP,), profiles=("bsm",), runs=1)
 
