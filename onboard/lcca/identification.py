@@ -22,7 +22,12 @@ from typing_extensions import override
 from onboard.core import Core
 from onboard.lcca.asking import AnswerLimit, is_behind, is_near
 from onboard.lcca.events import Identified, IdentityLost, Inquired, TrackedLead
-from onboard.lcca.identity_posterior import AskedText, vehicle_probabilities
+from onboard.lcca.identity_posterior import (
+    LOST,
+    MIN_UNLISTED,
+    AskedText,
+    vehicle_probabilities,
+)
 from onboard.lcca.motion_match import MAX_VEHICLES, MotionMatch, speed_at
 from onboard.lcca.position_match import position_log_ratio, row_log_ratio
 from onboard.messages.lcca import MAX_NAMES, NAME_BYTES, Answer, CarId, Inquiry
@@ -32,7 +37,8 @@ from onboard.sensors.host_state import SPEED_VALID_S
 BELIEF = 0.999
 """Probability from which a car is identified."""
 MIN_ASKED = 0.004
-"""Probability below which a text is not asked for."""
+"""Probability below which a text is not asked for, as a share of what the silence of the likelier
+ones leaves to all texts: a plate that is misread for seconds bears one that seemed unlikely."""
 MIN_ASKED_BY_MOTION = 0.5
 """Probability by motion alone from which a car is asked for its communication ID."""
 KEEPS_BACK = (1.0 - BELIEF) / 10.0
@@ -305,12 +311,19 @@ class Identification(Core):
                 if each.text == track.identity.text
             ][:1]
         names = [self._temporary_ids[sender] for sender in self._alike(track, lead, now)]
+        least = MIN_ASKED * self._left_by_silence(track, lead)
         names += [
             each.car_id[:NAME_BYTES]
             for each in lead.candidates
-            if each.probability >= MIN_ASKED and each.car_id != self._own_id
+            if each.probability >= least and each.car_id != self._own_id
         ]
         return sorted(list(dict.fromkeys(names))[:MAX_NAMES])  # their order reveals nothing
+
+    def _left_by_silence(self, track: _Track, lead: TrackedLead) -> float:
+        """Probability of all texts if the lead has a radio, and none of those asked for so far."""
+        asked = [each for each in lead.candidates if each.car_id in track.asked]
+        lost = sum(each.probability * LOST ** track.inquiries_for(each.car_id) for each in asked)
+        return lost + max(MIN_UNLISTED, 1.0 - sum(each.probability for each in asked))
 
     def _alike(self, track: _Track, lead: TrackedLead, now: float) -> list[bytes]:
         """Vehicles whose motion is a reason to ask them, the likeliest first."""

@@ -138,6 +138,14 @@ def test_a_doubtful_text_is_asked_for_twice_before_it_is_believed() -> None:
     assert drive.identified == AHEAD
 
 
+def test_an_unlikely_text_is_asked_for_once_the_likelier_ones_stay_silent() -> None:
+    drive = Drive()
+    texts = candidate(FAR, 0.9985), candidate(AHEAD, 0.0005)
+    drive.look(*texts, seconds=3.0, answering={AHEAD: SPEED_M_S})
+    assert AHEAD[:NAME_BYTES] not in drive.inquiries[0].names
+    assert drive.identified == AHEAD
+
+
 def test_an_unlikely_text_waits_until_the_ids_of_the_others_are_derived() -> None:
     drive = Drive()
     both = {AHEAD: SPEED_M_S, TWIN: SPEED_M_S}
