@@ -12,6 +12,7 @@ import math
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -104,7 +105,12 @@ class PlateAnswer:
     @property
     def judges(self) -> bool:
         """Whether the photograph did not fit the bounds of certainty."""
-        return _seed(self.photograph) % 2 == 1
+        return judges(self.photograph)
+
+
+def judges(photograph: Photograph) -> bool:
+    """Whether a photograph judges what others have fitted."""
+    return _seed(photograph) % 2 == 1
 
 
 def _seed(photograph: Photograph) -> int:
@@ -146,17 +152,27 @@ class Recognition:
 
 def answers(condition: Condition) -> Iterator[PlateAnswer]:
     """What is read of each photograph with a plate that is at least as wide."""
+    for photograph, number, posterior in followed(condition):
+        if number == FRAMES:
+            texts = [folded(each.text) for each in posterior.candidates(CANDIDATES)]
+            is_candidate = folded(photograph.text) in texts
+            yield PlateAnswer(photograph, is_candidate, posterior.certain_text)
+
+
+def followed(
+    condition: Condition, last: int = FRAMES
+) -> Iterator[tuple[Photograph, int, PlatePosterior]]:
+    """What has been read of each such photograph after 1, 2, ... `last` frames."""
     cv2.setNumThreads(1)
     recognition = Recognition()
     for photograph in photographs():
         if photograph.box.w_px < condition.width_px:
             continue
         recognition.begin()
-        for index, (image, box) in enumerate(frames(photograph, condition)):
-            recognition.receive_frame(image, box, index / FPS)
-        posterior = recognition.posterior
-        texts = [folded(each.text) for each in posterior.candidates(CANDIDATES)]
-        yield PlateAnswer(photograph, folded(photograph.text) in texts, posterior.certain_text)
+        pictures = islice(frames(photograph, condition), last)
+        for number, (image, box) in enumerate(pictures, start=1):
+            recognition.receive_frame(image, box, (number - 1) / FPS)
+            yield photograph, number, recognition.posterior
 
 
 def frames(photograph: Photograph, condition: Condition) -> Iterator[tuple[Image, ImageBox]]:
