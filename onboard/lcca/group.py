@@ -184,9 +184,10 @@ class WarningGroup(Core):
             case Warn():
                 self._receive_warn(message, now)
 
-    def receive_bsm(self, car_id: CarId, now: float) -> None:
+    def receive_bsm(self, car_id: CarId, now: float, speed_m_s: float | None = None) -> None:
         """Take that a BSM of this vehicle has arrived: it is still there, and within reach."""
         car_id = self._adjacent_ids.present(car_id, now)
+        self._lead_monitor.receive_speed_on_air(car_id, speed_m_s, now)
         self._membership.receive_bsm(car_id, now)
         self._warnings.receive_bsm(car_id, now)
         if self._followers.receive_bsm(car_id, now):
@@ -247,6 +248,7 @@ class WarningGroup(Core):
             self._discard(refusal, reply, now)
             return
         self._membership.receive_reply(reply, newer=newer, now=now)
+        self._lead_monitor.receive_speed_on_air(reply.sender_id, reply.speed_m_s, now)
         if NO_ID != reply.next_leader_id != position.own_id:
             self._adjacent_ids.receive_next_leader(reply.leader_id, reply.next_leader_id)
         joins = reply.sender_id != followed

@@ -11,7 +11,7 @@ CRAWL_M_S = 3.0
 """Slower than this the host vehicle crawls: in a jam, as fast as one walks, or at rest."""
 NEAR_M = 5.0
 """A lead that was last identified nearer than this may be too near for the camera when it shows
-none, and is there until the host vehicle has driven as far."""
+none, and is there until the host vehicle has driven as far, compared with the lead."""
 
 
 class LeadMonitor:
@@ -26,9 +26,10 @@ class LeadMonitor:
         self._identified: CarId | None = None
         self._close_at: dict[CarId, float] = {}
         self._speed_s = float("-inf")
-        self._driven_m = 0.0
-        self._near_until_m = float("-inf")
-        """Until the host vehicle has driven so far, the identified one may be near and unseen."""
+        self._lead_speed_m_s = 0.0
+        self._lead_speed_until = float("-inf")
+        self._approached_m = float("inf")
+        """What the host vehicle has driven more than the identified one, since that was near."""
 
     @property
     def identified(self) -> CarId | None:
@@ -42,9 +43,15 @@ class LeadMonitor:
     def receive_speed(self, speed_m_s: float, now: float) -> None:
         """Take a sample of the own speed."""
         if now < self._speed_until:
-            self._driven_m += speed_m_s * (now - self._speed_s)
+            lead_m_s = self._lead_speed_m_s if now < self._lead_speed_until else 0.0
+            self._approached_m += (speed_m_s - lead_m_s) * (now - self._speed_s)
         self._speed_m_s, self._speed_s = speed_m_s, now
         self._speed_until = now + SPEED_VALID_S
+
+    def receive_speed_on_air(self, car_id: CarId, speed_m_s: float | None, now: float) -> None:
+        """Take the speed in a BSM or reply of this vehicle."""
+        if car_id == self._identified and speed_m_s is not None:
+            self._lead_speed_m_s, self._lead_speed_until = speed_m_s, now + SPEED_VALID_S
 
     def receive_lead(
         self, lead: MeasuredLead | None, now: float, *, is_unknown: bool = False
@@ -61,9 +68,10 @@ class LeadMonitor:
             self._parameters.leave_headway_s, now, self._parameters.leave_at_least_m
         )
         if lead is not None and lead.car_id is not None:
+            if lead.car_id != self._identified:
+                self._lead_speed_until = float("-inf")
             self._identified = lead.car_id
-            is_near = lead.gap_m < NEAR_M
-            self._near_until_m = self._driven_m + NEAR_M if is_near else float("-inf")
+            self._approached_m = 0.0 if lead.gap_m < NEAR_M else float("inf")
         is_near = self._is_near_unidentified(now)
         if lead is None and not (is_unknown or is_near):
             self._identified = None
@@ -120,7 +128,7 @@ class LeadMonitor:
         Of a plate nearer than some 3 m the camera sees nothing, and at rest nobody is asked.
         """
         speed = self.speed_at(now)
-        if speed is None or speed >= CRAWL_M_S or self._driven_m >= self._near_until_m:
+        if speed is None or speed >= CRAWL_M_S or abs(self._approached_m) >= NEAR_M:
             return False
         return self._lead is None or (self._lead.car_id is None and self._is_close)
 

@@ -11,7 +11,7 @@ class GroupParameters:
     """Below it a vehicle joins its lead: 0.55 m for each km/h (LCCA, section 3)."""
     leave_headway_s: float = 2.2
     """From it on the vehicle leaves. The margin to `join_headway_s` absorbs noise of the gap."""
-    leave_at_least_m: float = 8.0
+    leave_at_least_m: float = 10.0
     """Nearer than this it does not leave: vehicles of a jam stand, and creep, in their group."""
     lead_hold_s: float = 1.0
     """How long a membership outlasts the last frame that showed the predecessor close."""

@@ -166,11 +166,11 @@ class LccaApplication:
             case _:
                 self._receive_group_message(message, signer, now)
 
-    def receive_bsm(self, signer: bytes, now: float) -> None:
+    def receive_bsm(self, signer: bytes, speed_m_s: float | None, now: float) -> None:
         """Take a credible BSM of this signer, which shows that its vehicle is still there."""
         car_id = self._misbehaviour.car_id_of(signer)
         if car_id is not None:
-            self.group.receive_bsm(car_id, now)
+            self.group.receive_bsm(car_id, now, speed_m_s)
 
     def check_pending_warnings(self, now: float) -> None:
         """Check the warnings that wait against the BSMs of their vehicles, after a BSM."""

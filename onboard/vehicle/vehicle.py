@@ -355,7 +355,7 @@ class Vehicle(Core):
             self._discard("bsm", reason, core.temporary_id, now)
             return
         if signer_id is not None and self._config.beacons:
-            self._lcca.receive_bsm(signer_id, now)
+            self._lcca.receive_bsm(signer_id, core.speed_m_s, now)
             self._take_lcca(now)
         remote_id = self._misbehaviour.remote_id(sender, core.temporary_id)
         if remote_id != core.temporary_id:

@@ -77,31 +77,39 @@ def test_a_frame_that_may_hide_a_vehicle_keeps_the_identity_but_shows_none() -> 
 
 def test_who_stands_near_the_lead_stays_close_to_it() -> None:
     monitor = lead_monitor(0.0)
-    monitor.receive_lead(MeasuredLead(A, 7.9, 0.0), 0.1)
+    monitor.receive_lead(MeasuredLead(A, 9.9, 0.0), 0.1)
     assert (monitor.close_at(A), monitor.is_far(A)) == (0.1, False)
-    monitor.receive_lead(MeasuredLead(A, 8.1, 0.0), 0.2)
+    monitor.receive_lead(MeasuredLead(A, 10.1, 0.0), 0.2)
     assert (monitor.close_at(A), monitor.is_far(A)) == (0.1, True)
 
 
 @pytest.mark.parametrize(
-    ("last_gap_m", "speed_m_s", "lead", "held_until_s"),
+    ("last_gap_m", "speed_m_s", "ahead_m_s", "lead", "held_until_s"),
     [
-        (4.9, 0.0, None, 20.0),
-        (4.9, 2.0, None, 2.5),  # until it has driven 5 m
-        (4.9, 3.1, None, 0.0),
-        (5.1, 0.0, None, 0.0),
-        (4.9, 0.0, MeasuredLead(None, 6.0, 0.0), 20.0),  # at rest nobody is asked
-        (4.9, 0.0, MeasuredLead(None, 9.0, 0.0), 0.0),
-        (4.9, 0.0, MeasuredLead(B, 6.0, 0.0), 0.0),
+        (4.9, 0.0, None, None, 20.0),
+        (4.9, 2.0, None, None, 2.5),  # until it has driven 5 m
+        (4.9, 2.0, 2.0, None, 20.0),  # or both have
+        (4.9, 2.0, 1.0, None, 5.0),
+        (4.9, 1.0, 2.0, None, 5.0),  # who is farther ahead by now would be seen
+        (4.9, 3.1, 3.1, None, 0.0),
+        (5.1, 0.0, None, None, 0.0),
+        (4.9, 0.0, None, MeasuredLead(None, 6.0, 0.0), 20.0),  # at rest nobody is asked
+        (4.9, 0.0, None, MeasuredLead(None, 11.0, 0.0), 0.0),
+        (4.9, 0.0, None, MeasuredLead(B, 6.0, 0.0), 0.0),
     ],
 )
 def test_a_lead_too_near_for_the_camera_is_there_while_the_host_crawls(
-    last_gap_m: float, speed_m_s: float, lead: MeasuredLead | None, held_until_s: float
+    last_gap_m: float,
+    speed_m_s: float,
+    ahead_m_s: float | None,
+    lead: MeasuredLead | None,
+    held_until_s: float,
 ) -> None:
     monitor = lead_monitor(speed_m_s)
     monitor.receive_lead(MeasuredLead(A, last_gap_m, 0.0), 0.0)
     close_at = monitor.close_at(A)
     for frame in range(1, 201):
+        monitor.receive_speed_on_air(A, ahead_m_s, frame / 10 - 0.1)
         monitor.receive_speed(speed_m_s, frame / 10)
         monitor.receive_lead(lead, frame / 10)
         close_at = max(close_at, monitor.close_at(A))
