@@ -16,7 +16,7 @@ from onboard.security.id_commitment import leaves_in
 from onboard.security.oer import Malformed, Unsupported
 from onboard.settings import Settings, SettingsError
 
-FORMAT = 4
+FORMAT = 5
 """Version of the format; raised, with a migration, whenever a recorded input changes."""
 
 

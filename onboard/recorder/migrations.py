@@ -47,10 +47,15 @@ def _to_4(topic: str, record: Record) -> tuple[str, Record]:
     return topic, record  # a camera that nothing impairs, without `sensor_impaired`
 
 
+def _to_5(topic: str, record: Record) -> tuple[str, Record]:
+    return topic, record  # no program has a message sent, without `program_message`
+
+
 _MIGRATIONS: Mapping[int, tuple[Migration, Callable[[Record], Record]]] = {
     1: (_to_2, _header_to_2),
     2: (_to_3, lambda header: header),
     3: (_to_4, lambda header: header),
+    4: (_to_5, lambda header: header),
 }
 """By the format that they start from."""
 OLDEST = min(_MIGRATIONS)
