@@ -2,9 +2,10 @@
 
 Each of the 40 has an MVS core and sends its footer. The inputs of the first car in 2 s are
 recorded, and then given to new cores. A tick includes the host vehicle's fix, its detections, 40
-BSMs with footers, its own footer, and the kinematic-info. The alarms, which assess all objects, are
-measured beside it. Garbage is collected as in the daemon. Times are processor times, since the
-machine is shared.
+BSMs with footers, its own footer, and the kinematic-info. As in the daemon, the tracks are updated
+in slices; the longest one is measured as well. So are the composition of the footer, which is a
+step of the loop by itself, and the alarms, which assess all objects after the tick. Garbage is
+collected as in the daemon. Times are processor times, since the machine is shared.
 """
 
 import time
@@ -60,15 +61,15 @@ class _InputRecorder:
 
 
 def measure() -> Iterator[Figure]:
-    """Yield median and 99th percentile of the duration of a tick, and the median of the alarms."""
+    """Yield median and 99th percentile of a tick and of its longest slice, and other medians."""
     settings = MvsSettings(
         sensing=SensingSettings(face_to_centre_m=0.0, face_to_centre_sigma_m=0.0),
     )
     tracking = TrackingParameters(acceleration_density=1.0)
     ticks = _inputs(settings, tracking)
-    times_s, alarms_s = [], []
+    times_s, slices_s, footers_s, alarms_s = [], [], [], []
     objects: list[PerceivedObject] = []
-    now = 0.0
+    now = slice_s = footer_s = 0.0
     freeze_start_up_objects()
     for _ in range(ROUNDS):
         core = MultiVehicleSensing(
@@ -78,25 +79,45 @@ def measure() -> Iterator[Figure]:
         for number, calls in enumerate(ticks):
             began = time.process_time()
             for name, arguments in calls:
-                getattr(core, name)(*arguments)
                 if name == "footer_to_send":
                     (now,) = arguments
+                    slice_s = _longest_slice_s(core, now)
+                    composed = time.process_time()
+                    core.footer_to_send(now)
+                    footer_s = time.process_time() - composed
                     objects = core.kinematic_info(now)
+                else:
+                    getattr(core, name)(*arguments)
             ended = time.process_time()
             monitor.host.receive_observation(Speed(now, SPEED_M_S, KM_H, "obd:7E8"))
             monitor.assess(core.host_vehicle(now), objects, now)
             if number >= WARM:
                 times_s.append(ended - began)
+                slices_s.append(slice_s)
+                footers_s.append(footer_s)
                 alarms_s.append(time.process_time() - ended)
+    of_objects = f"tick.{len(objects)}_objects"
     interval = ("the BSM's interval", TICK_S * 1000)
-    for name, quantile in (("median", 0.5), ("p99", 0.99)):
-        value = float(np.quantile(times_s, quantile)) * 1000
-        yield Figure(f"tick.{len(objects)}_objects.{name}", value, "ms", len(times_s), *interval)
-    median_ms, alarms_ms = (float(np.median(each)) * 1000 for each in (times_s, alarms_s))
-    tick = ("the tick without alarms", median_ms)
-    yield Figure(
-        f"tick.{len(objects)}_objects.alarms.median", alarms_ms, "ms", len(alarms_s), *tick
-    )
+    tick = ("the tick without alarms", float(np.median(times_s)) * 1000)
+    for name, each_s, reference in (
+        (of_objects, times_s, interval),
+        (f"{of_objects}.longest_slice", slices_s, tick),
+        (f"{of_objects}.footer", footers_s, tick),
+        (f"{of_objects}.alarms", alarms_s, tick),
+    ):
+        for quantity, quantile in (("median", 0.5), ("p99", 0.99)):
+            value = float(np.quantile(each_s, quantile)) * 1000
+            yield Figure(f"{name}.{quantity}", value, "ms", len(each_s), *reference)
+
+
+def _longest_slice_s(core: MultiVehicleSensing, now: float) -> float:
+    """Update in slices, and return how long the longest one took."""
+    longest_s, is_complete = 0.0, False
+    while not is_complete:
+        began = time.process_time()
+        is_complete = core.update_slice(now)
+        longest_s = max(longest_s, time.process_time() - began)
+    return longest_s
 
 
 def _inputs(settings: MvsSettings, tracking: TrackingParameters) -> list[list[Call]]:
