@@ -7,26 +7,22 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import groupby
 
 import numpy as np
 from typing_extensions import override
 
 from onboard.core import Core
 from onboard.errors import DecodeError
-from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.cpm import CollectivePerceptionMessage
-from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
 from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs import cpm_coding, sdsm_coding
-from onboard.mvs.cpm_coding import SharedObject
-from onboard.mvs.evidence_to_send import EvidenceToSend
-from onboard.mvs.footer_coding import encode_within
 from onboard.mvs.footer_validation import OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
+from onboard.mvs.messages_to_send import MessagesToSend
+from onboard.mvs.own_detections import OwnDetections
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries, concatenate
 from onboard.mvs.remote_vehicles import (
     RemoteVehicle,
@@ -34,19 +30,11 @@ from onboard.mvs.remote_vehicles import (
     as_perceived_objects,
     as_state_arrays,
 )
-from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.settings import MvsSettings
+from onboard.mvs.tracked_objects import as_tracked_objects, without_radio
 from onboard.mvs.waiting_footers import FOOTERS_TOGETHER, MAX_WAITING_FOOTERS, WaitingFooters
 from onboard.observations import Discarded, Position, VehicleDetection
-from onboard.tracking.evidence import (
-    Measurement,
-    ProvenanceSpans,
-    as_arrays,
-    measurement_id,
-    observer_of,
-)
-from onboard.tracking.evidence_store import OWN, EvidenceBatch
-from onboard.tracking.fusion import propagate
+from onboard.tracking.evidence_store import EvidenceBatch
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
@@ -88,31 +76,26 @@ class MultiVehicleSensing(Core):
             max_measurements: in one estimate, sent or received.
             tracks_sensed: whether there are `sensed_objects`.
         """
-        self._settings = settings
         self._utc_offset_s = utc_offset_s
         self._parameters = tracking
         self._max_measurements = max_measurements
         self._own_ids = deque([own_id], maxlen=2)
-        self._own_stamps_ms: deque[int] = deque(maxlen=512)
-        """Times of own measurements, UTC."""
         self._host = HostVehicle(settings.sensing)
-        self._detections: deque[VehicleDetection] = deque(maxlen=1024)
-        """Not yet assigned: the detections of one image are assigned together."""
+        self._detections = OwnDetections(self._host)
         self._waiting = WaitingFooters()
         self._remote_vehicles = RemoteVehicles()
         self._road_side_units = RemoteVehicles()
         """Senders of SDSMs or CPMs that send no BSMs or CAMs."""
-        self._sdsms = 0
-        """Sent under the present ID."""
         self._tracks = Tracks(tracking, self._observer_sigma_m)
         self._sensed_tracks = Tracks(tracking) if tracks_sensed else None
         """Of own measurements alone."""
         self._all_tracks = [self._tracks]
         if self._sensed_tracks is not None:
             self._all_tracks.append(self._sensed_tracks)
-        self._evidence_to_send = EvidenceToSend(
+        self._messages = MessagesToSend(
             settings,
             rng,
+            self._host,
             acceleration_density=tracking.acceleration_density,
             max_measurements=max_measurements,
         )
@@ -133,15 +116,15 @@ class MultiVehicleSensing(Core):
         """Change the pseudonym; measurements under the last one are still recognised as own."""
         if own_id != self.own_id:
             self._own_ids.append(own_id)
-            self._sdsms = 0
+            self._messages.begin_anew()
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
         """Set UTC minus `now`. At a correction of UTC all tracks are dropped."""
         if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
             for tracks in self._all_tracks:
                 tracks.clear()
-            self._own_stamps_ms.clear()
-            self._evidence_to_send.restart()
+            self._detections.forget_stamps()
+            self._messages.restart()
             self._updated_ms = self._slices = None
         self._utc_offset_s = utc_offset_s
 
@@ -162,7 +145,7 @@ class MultiVehicleSensing(Core):
     def receive_detection(self, detection: VehicleDetection) -> None:
         """Take a vehicle that own sensors detect, with a radio or without."""
         if self.has_position(detection.stamp_s):
-            self._detections.append(detection)
+            self._detections.receive(detection)
 
     def receive_bsm(
         self,
@@ -291,7 +274,7 @@ class MultiVehicleSensing(Core):
         else:
             result_of(slices)
         for kept, merged in self._tracks.merged:
-            self._evidence_to_send.sent.merge(kept, merged)
+            self._messages.merge(kept, merged)
         reported = {self.own_id: self._own_state()}
         reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
         states = as_state_arrays(list(reported.values()), self._utc_ms)
@@ -310,74 +293,21 @@ class MultiVehicleSensing(Core):
         self.update(now)
         if not self.has_position(now):
             return b""
-        now_ms = self._utc_ms(now)
-        tracks = self.reported_tracks()
-        selected = self._evidence_to_send.of_footer(tracks, now_ms, self._own_ids)
-        chosen = [(self._wire_number(track), piece) for track, piece in selected]
-        frame = self._host.frame
-        assert frame is not None  # noqa: S101 (a position comes with a frame)
-        anchor = LocalFrame(*self._host.anchor)
-        data, fitting = encode_within(chosen, now_ms, frame, anchor, self._settings.max_bytes)
-        self._evidence_to_send.sent.receive_sent(fitting, tracks, now_ms)
-        return data
+        return self._messages.footer(self._tracks, self._own_ids, self._utc_ms(now))
 
     def sdsm_to_send(self, now: float) -> SensorDataSharingMessage | None:
-        """Update, and return the SDSM at `now`; `None` without anything newly measured.
-
-        It has the newest own measurement of each vehicle, those first that were last sent the
-        longest ago.
-        """
+        """Update, and return the SDSM at `now`; `None` without anything newly measured."""
         self.update(now)
         if not self.has_position(now):
             return None
-        now_ms = self._utc_ms(now)
-        measured = self._evidence_to_send.of_sdsm(self.reported_tracks(), now_ms, self._own_ids)
-        if not measured:
-            return None
-        objects = [
-            MeasuredObject(self._wire_number(track), newest, *_velocity(track))
-            for track, newest in measured
-        ]
-        frame = self._host.frame
-        assert frame is not None  # noqa: S101 (a position comes with a frame)
-        # The count begins anew with each pseudonym, at a number that only the pseudonym gives.
-        msg_cnt = (self.own_id[0] + self._sdsms) % MESSAGE_COUNTS
-        self._sdsms += 1
-        return message_of(objects, self._sender(now), now_ms, frame, msg_cnt)
+        return self._messages.sdsm(self._tracks, self._own_ids, now, self._utc_ms(now))
 
     def cpm_to_send(self, now: float) -> CollectivePerceptionMessage | None:
-        """Update, and return the CPM at `now`; `None` without a vehicle that is due.
-
-        What a footer would have of a vehicle since its last CPM is evidence behind an object.
-        """
+        """Update, and return the CPM at `now`; `None` without a vehicle that is due."""
         self.update(now)
         if not self.has_position(now):
             return None
-        now_ms, tracks = self._utc_ms(now), self.reported_tracks()
-        selected = self._evidence_to_send.of_cpm(tracks, now_ms, self._own_ids)
-        if not selected:
-            return None
-        objects = [
-            SharedObject(
-                self._wire_number(track),
-                piece,
-                *_velocity(track),
-                is_sensed=any(observer_of(each) in self._own_ids for each in piece.provenance),
-            )
-            for track, piece in selected
-        ]
-        frame = self._host.frame
-        assert frame is not None  # noqa: S101 (a position comes with a frame)
-        message, fitting = cpm_coding.encode_within(
-            objects,
-            self._sender(now),
-            now_ms,
-            frame,
-            self._settings.max_bytes,
-        )
-        entries = [(each.number, each.piece) for each in fitting]
-        self._evidence_to_send.sent.receive_sent(entries, tracks, now_ms)
-        return message if fitting else None
+        return self._messages.cpm(self._tracks, self._own_ids, now, self._utc_ms(now))
 
     def kinematic_info(self, now: float) -> list[PerceivedObject]:
         """Return all objects but the host vehicle by the last update, predicted to `now`."""
@@ -387,7 +317,7 @@ class MultiVehicleSensing(Core):
         sensed = {track.remote_vehicle_id for track in self._tracks if track.is_sensed}
         return [
             *as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed),
-            *self._tracked_objects(self.reported_tracks(), now),
+            *self._as_objects(self.reported_tracks(), now),
         ]
 
     def sensed_objects(self, now: float) -> list[PerceivedObject]:
@@ -398,38 +328,15 @@ class MultiVehicleSensing(Core):
         """
         if self._sensed_tracks is None or not self.has_position(now):
             return []
-        return self._tracked_objects(_without_radio(self._sensed_tracks), now)
+        return self._as_objects(without_radio(self._sensed_tracks), now)
 
-    def _tracked_objects(self, tracks: Sequence[Track], now: float) -> list[PerceivedObject]:
-        """Return tracks as objects, predicted to `now`."""
-        now_ms, q = self._utc_ms(now), self._parameters.acceleration_density
-        objects = []
-        states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
-        common_m2 = [track.common_variance_m2 for track in tracks]
-        covariances[0, 0] += common_m2
-        covariances[1, 1] += common_m2
-        for track, state, covariance in zip(
-            tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
-        ):
-            objects.append(
-                PerceivedObject(
-                    stamp_s=now,
-                    name=str(track.number),
-                    source=ObjectSource.SENSOR if track.is_sensed else ObjectSource.SHARED,
-                    state=tuple(state),
-                    covariance=tuple(map(tuple, covariance)),
-                    age_s=(now_ms - track.estimate.stamp_ms) / 1000,
-                    provenance=track.estimate.provenance,
-                    tracked_for_s=(now_ms - track.first_ms) / 1000,
-                    is_sensed=track.is_sensed,
-                    reporters=track.reporters,
-                )
-            )
-        return objects
+    def _as_objects(self, tracks: Sequence[Track], now: float) -> list[PerceivedObject]:
+        q = self._parameters.acceleration_density
+        return as_tracked_objects(now, self._utc_ms(now), tracks, q)
 
     def reported_tracks(self) -> list[Track]:
         """Return the tracks of vehicles without radio that are reported, by the last update."""
-        return _without_radio(self._tracks)
+        return without_radio(self._tracks)
 
     def host_vehicle(self, now: float) -> PerceivedObject | None:
         """Return the host vehicle in the same frame; `None` without a position."""
@@ -483,7 +390,11 @@ class MultiVehicleSensing(Core):
     def _process_in_slices(self, now: float) -> Iterator[None]:
         """Assign what has arrived to tracks: detections first, then footers."""
         waiting = len(self._waiting)
-        self._assign_detections(now)
+        images, refused = self._detections.take(self.own_id, now, self._utc_ms)
+        self._events.extend(refused)
+        for tracks in self._all_tracks:
+            for image in images:
+                tracks.receive_evidence(image)
         if waiting > FOOTERS_TOGETHER:
             yield
         footers: list[ReceivedFooter] = []
@@ -514,7 +425,7 @@ class MultiVehicleSensing(Core):
         refused, inflation = violations_of_received(
             batch,
             received,
-            OwnMeasurements(frozenset(self._own_ids), frozenset(self._own_stamps_ms)),
+            OwnMeasurements(frozenset(self._own_ids), frozenset(self._detections.stamps_ms)),
             memory_ms=round(self._parameters.memory_s * 1000),
             max_measurements=self._max_measurements,
         )
@@ -530,51 +441,7 @@ class MultiVehicleSensing(Core):
             detail = f"{entries} entries from {footer.sender_id.hex()}"
             self._discard(footer.received_s, reason, detail)
 
-    def _assign_detections(self, now: float) -> None:
-        """Make direct measurements of the detections, image by image."""
-        images = groupby(sorted(self._detections, key=_stamp_s), key=_stamp_s)
-        for stamp_s, detections in [(stamp_s, list(image)) for stamp_s, image in images]:
-            stamp_ms = self._utc_ms(stamp_s)
-            identity = measurement_id(self.own_id, stamp_ms)
-            measured: dict[int, Measurement] = {}
-            velocities: dict[int, tuple[Array, Array]] = {}
-            for detection in detections:
-                measurement = self._host.measure(detection)
-                if isinstance(measurement, str):
-                    self._discard(now, measurement, f"car {detection.track_id} seen")
-                    continue
-                velocity = self._host.velocity(detection)
-                if velocity is not None:
-                    velocities[len(measured)] = velocity
-                measured[detection.track_id] = Measurement(identity, *measurement)
-            if measured:
-                n = len(measured)
-                self._own_stamps_ms.append(stamp_ms)
-                provenances = [frozenset((identity,))] * n
-                batch = EvidenceBatch(
-                    [OWN] * n,
-                    list(measured),
-                    provenances,
-                    [self._utc_ms(now)] * n,
-                    ProvenanceSpans.of(provenances),
-                    [True] * n,
-                    as_arrays(list(measured.values())).with_velocities(velocities),
-                )
-                for tracks in self._all_tracks:
-                    tracks.receive_evidence(batch)
-        self._detections.clear()
-
     # ---- common ---------------------------------------------------------------------------
-
-    def _sender(self, now: float) -> Sender:
-        sigma_m = math.sqrt(float(self._own_state().covariance[0, 0]))
-        heading = self.heading(now)
-        heading_rad = None if heading is None else heading.heading_rad
-        return Sender(self.own_id, LocalFrame(*self._host.anchor), sigma_m, heading_rad)
-
-    def _wire_number(self, track: Track) -> int:
-        """Return the number of a track on the air, the same in all messages."""
-        return self._evidence_to_send.sent.wire_number(track, self._tracks)
 
     def _observer_sigma_m(self, observer: bytes) -> float:
         """Standard deviation of an observer's position; of one that is not received, the host's.
@@ -597,18 +464,3 @@ class MultiVehicleSensing(Core):
 
     def _discard(self, now: float, reason: str, detail: str) -> None:
         self._events.append(Discarded(now, "mvs", reason, detail))
-
-
-def _velocity(track: Track) -> tuple[Array, float]:
-    """Return the velocity of a track (2), and its sigma on either axis."""
-    sigma_m_s = math.sqrt(float(np.trace(track.estimate.covariance[2:, 2:])) / 2.0)
-    return track.estimate.state[2:], sigma_m_s
-
-
-def _without_radio(tracks: Tracks) -> list[Track]:
-    """Return the tracks that are reported, and are no vehicle that sends BSMs."""
-    return [track for track in tracks if track.is_reported and track.remote_vehicle_id is None]
-
-
-def _stamp_s(detection: VehicleDetection) -> float:
-    return detection.stamp_s

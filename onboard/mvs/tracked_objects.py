@@ -1,0 +1,46 @@
+"""Tracks of vehicles without a radio as perceived objects."""
+
+from collections.abc import Iterable, Sequence
+
+from onboard.tracking.fusion import propagate
+from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.tracking.track import Track
+
+
+def without_radio(tracks: Iterable[Track]) -> list[Track]:
+    """Return the tracks that are reported, and are no vehicle that sends BSMs."""
+    return [track for track in tracks if track.is_reported and track.remote_vehicle_id is None]
+
+
+def as_tracked_objects(
+    now: float, now_ms: int, tracks: Sequence[Track], q: float
+) -> list[PerceivedObject]:
+    """Return tracks as objects, predicted to `now`.
+
+    Args:
+        now: the time.
+        now_ms: the same, UTC.
+        tracks: of vehicles.
+        q: spectral density of the acceleration noise, m^2/s^3.
+    """
+    states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
+    common_m2 = [track.common_variance_m2 for track in tracks]
+    covariances[0, 0] += common_m2
+    covariances[1, 1] += common_m2
+    return [
+        PerceivedObject(
+            stamp_s=now,
+            name=str(track.number),
+            source=ObjectSource.SENSOR if track.is_sensed else ObjectSource.SHARED,
+            state=tuple(state),
+            covariance=tuple(map(tuple, covariance)),
+            age_s=(now_ms - track.estimate.stamp_ms) / 1000,
+            provenance=track.estimate.provenance,
+            tracked_for_s=(now_ms - track.first_ms) / 1000,
+            is_sensed=track.is_sensed,
+            reporters=track.reporters,
+        )
+        for track, state, covariance in zip(
+            tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
+        )
+    ]
