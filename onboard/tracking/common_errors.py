@@ -10,7 +10,7 @@ s_k^2 n_k / n^2.
 from collections import Counter
 from collections.abc import Callable
 
-from onboard.tracking.evidence import Provenance, observer_number_of, observer_with_number
+from onboard.tracking.evidence import Provenance, observer_numbers_of, observer_with_number
 
 ObserverSigma = Callable[[bytes], float]
 """Standard deviation of an observer's position on either axis, m, by its temporary ID."""
@@ -23,9 +23,10 @@ def common_variance_m2(provenance: Provenance, sigma_m: ObserverSigma) -> float:
         provenance: the measurements that were fused.
         sigma_m: of the position of each observer.
     """
-    counts = Counter(map(observer_number_of, provenance))
+    counts = Counter(observer_numbers_of(provenance))
     shared = sum(
         sigma_m(observer_with_number(number)) ** 2 * count * (count - 1)
         for number, count in counts.items()
+        if count > 1
     )
     return shared / len(provenance) ** 2

@@ -40,12 +40,12 @@ def measurement_id(observer: bytes, stamp_ms: int) -> MeasurementId:
 
 def observer_of(identity: MeasurementId) -> bytes:
     """Return the temporary ID of the vehicle that made a measurement."""
-    return observer_with_number(observer_number_of(identity))
+    return observer_with_number(identity >> _STAMP_BITS)
 
 
-def observer_number_of(identity: MeasurementId) -> int:
-    """Return the observer of a measurement as a number, which costs less than the bytes."""
-    return identity >> _STAMP_BITS
+def observer_numbers_of(provenance: Provenance) -> list[int]:
+    """Return the observer of each measurement as a number, which costs less than the bytes."""
+    return [identity >> _STAMP_BITS for identity in provenance]
 
 
 def observer_with_number(number: int) -> bytes:

@@ -11,6 +11,7 @@ otherwise it starts a tentative track, which is merged with another when both ar
 from collections import Counter, defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate, count, groupby
 
 import numpy as np
@@ -170,9 +171,10 @@ class Tracks:
             changed += [track for track in some if track.choose_evidence()]
             yield
         yield from fuse_chosen(changed, self._store, now_ms, q)
+        observer_sigma_m = cache(self._observer_sigma_m)
         for track in changed:
             provenance = track.estimate.provenance
-            track.common_variance_m2 = common_variance_m2(provenance, self._observer_sigma_m)
+            track.common_variance_m2 = common_variance_m2(provenance, observer_sigma_m)
         yield
         for track in self._tracks:
             track.settle(now_ms - SETTLED_MS)
