@@ -145,7 +145,7 @@ class MultiVehicleSensing(Core):
     def receive_detection(self, detection: VehicleDetection) -> None:
         """Take a vehicle that own sensors detect, with a radio or without."""
         if self.has_position(detection.stamp_s):
-            self._detections.receive(detection)
+            self._detections.receive_detection(detection)
 
     def receive_bsm(
         self,

@@ -21,7 +21,7 @@ class OwnDetections:
         self.stamps_ms: deque[int] = deque(maxlen=512)
         """Times of own measurements, UTC."""
 
-    def receive(self, detection: VehicleDetection) -> None:
+    def receive_detection(self, detection: VehicleDetection) -> None:
         """Keep a detection until the next update."""
         self._detections.append(detection)
 
