@@ -43,7 +43,7 @@ Listener = Callable[[LccaMessage, bytes, float], Iterable[bytes]]
 """Takes a message, the 1609.2 data that it came in, and the time; returns WSMs."""
 LEADER, *FOLLOWERS = PLATES = ("AAA1", "BBB2", "CCC3")
 SENSORS = (Sensor.SPEED, Sensor.POSITION, Sensor.CAMERA)
-READ, BADLY_READ, NOT_READ = 0.98, 0.9, 0.0
+READ, BADLY_READ, NOT_READ = 0.98, 0.6, 0.0
 """Probabilities of the text that cameras read on the plate ahead."""
 GAP_M = 15.0
 BRAKE_M_S2 = 6.0
