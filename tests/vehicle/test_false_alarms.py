@@ -24,7 +24,7 @@ NOWHERE = {
 """Brakings that are not ahead in the lane: they raise no alarm, whatever is checked of claims."""
 _OTHERS = {
     AttackKind.SAME_ID, AttackKind.SDSM, AttackKind.SIGNALS, AttackKind.EARLY_SIGNALS,
-    AttackKind.SPATEM, AttackKind.CPM,
+    AttackKind.SPATEM, AttackKind.CPM, AttackKind.VAM, AttackKind.PSM, AttackKind.UNPERMITTED_DENM,
 }  # fmt: skip
 INVENTIONS = sorted(set(CLAIMS) - NOWHERE - _OTHERS)
 """What a certificate for BSMs permits."""
