@@ -34,9 +34,6 @@ tractor taken for a car is 1.4 times as wide, a small car taken for a truck 0.7.
 LANE_CHANGE_M_S2, LATERAL_SIGMAS = 3.5, 1.5
 """Acceleration that crosses one lane in the time ahead for which a vehicle must stay in the lane to
 enter it (1 s on a road), and the sigmas of its lateral speed that are added against entering."""
-ENTERING_SIGMA_M_S = 1.0
-"""Largest sigma of the lateral speed with which a vehicle counts as entering: two thirds of that
-of a new track."""
 MAX_MISSED_S = 0.4
 """A lead that was missed for less than this is kept: detectors miss a frame or two."""
 
@@ -89,14 +86,12 @@ class LeadSelector:
         )
 
     def entering(self, tracks: list[VehicleTrack]) -> list[VehicleTrack]:
-        """Tracks beside the lane that are in it a second later, if they move on as they do."""
+        """Tracks beside the lane that are in it a second later, as far as their motion is known."""
         leave_m = LEAVE_LANE_WIDTHS * self._lane.shape.width_m
         return [
             track
             for track in tracks
-            if track.track_id not in self._in_lane
-            and abs(self._later_offset_m(track)) <= leave_m
-            and track.right.rate_sigma_m_s <= ENTERING_SIGMA_M_S
+            if track.track_id not in self._in_lane and self._later_bound_m(track) <= leave_m
         ]
 
     def _is_settled(self, track: VehicleTrack) -> bool:
@@ -119,24 +114,19 @@ class LeadSelector:
         if track.track_id in self._in_lane:
             leave_m = LEAVE_LANE_WIDTHS * width_m + self._lane.path_sigma_m(ahead_m)
             return abs(offset_m) <= leave_m or self._is_straight_ahead(ahead_m, right_m)
-        sigma_m = self._lane_change_s * track.right.rate_sigma_m_s
-        upper_m = abs(self._later_offset_m(track)) + LATERAL_SIGMAS * sigma_m
-        return upper_m <= LEAVE_LANE_WIDTHS * width_m and (
+        return self._later_bound_m(track) <= LEAVE_LANE_WIDTHS * width_m and (
             abs(offset_m) <= ENTER_LANE_WIDTHS * width_m
             or self._is_straight_ahead(ahead_m, right_m)
         )
 
-    @property
-    def _lane_change_s(self) -> float:
-        return math.sqrt(self._lane.shape.width_m / LANE_CHANGE_M_S2)
-
-    def _later_offset_m(self, track: VehicleTrack) -> float:
-        """Distance to the right of the lane's middle after the time of a lane change."""
-        ahead_s = self._lane_change_s
-        return self._offset_m(
+    def _later_bound_m(self, track: VehicleTrack) -> float:
+        """Distance from the lane's middle after the time of a lane change, at most."""
+        ahead_s = math.sqrt(self._lane.shape.width_m / LANE_CHANGE_M_S2)
+        offset_m = self._offset_m(
             max(0.0, track.ahead.position_m + ahead_s * track.ahead.rate_m_s),
             track.right.position_m + ahead_s * track.right.rate_m_s,
         )
+        return abs(offset_m) + LATERAL_SIGMAS * ahead_s * track.right.rate_sigma_m_s
 
     def _offset_m(self, ahead_m: float, right_m: float) -> float:
         """Distance to the right of the lane's middle."""

@@ -158,11 +158,11 @@ def test_the_plate_of_a_vehicle_that_comes_into_the_lane_is_read_in_every_frame(
         return {float(each.corners_px[0, 0]) for each in regions if each.read_text}
 
     beside = [step(3.5) for _ in range(8)]
-    coming_m = [3.5 - 0.15 * index for index in range(10)]
+    coming_m = [3.5 - 0.15 * index for index in range(14)]
     coming = [each in step(each) for each in coming_m]
 
     assert sum(3.5 in read for read in beside) <= 2
-    assert all(coming[5:])
+    assert all(coming[9:])
 
 
 def test_a_plate_is_no_lead_any_more_when_no_vehicle_is_found_around_it() -> None:
