@@ -50,6 +50,7 @@ class EventServer:
             on_message: called with a message to send.
         """
         self._settings = settings
+        self._sends = frozenset(each.psid for each in settings.sends)
         self._build = build
         self._on_brake = on_brake
         self._on_object_list = on_object_list
@@ -141,8 +142,7 @@ class EventServer:
 
     def _read(self, line: bytes, reader: EventReader) -> Request:
         """Read a client's line. Raises `DecodeError`, also of a second client that sends lists."""
-        sends = [each.psid for each in self._settings.sends]
-        request = read_request(line, self._settings.accepts, sends)
+        request = read_request(line, self._settings.accepts, self._sends)
         if isinstance(request, ObjectList):
             self._detector = self._detector or reader
             if self._detector is not reader:

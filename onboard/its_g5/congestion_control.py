@@ -25,7 +25,7 @@ from onboard.its_g5.dcc_rate import (
     ReactiveRate,
     StateMachine,
 )
-from onboard.wave_udp.radio_queue import DATA_RATE_MBIT_S, MAC_BYTES, Gate
+from onboard.wave_udp.radio_queue import Gate, octets_s
 from onboard.wave_udp.settings import CongestionControlApproach
 
 PREAMBLE_S = 0.000_04
@@ -122,4 +122,4 @@ class CongestionControl(Core, Gate):
 
 def airtime_s(size_bytes: int) -> float:
     """Return the time that a frame with `size_bytes` after the 802.11 header takes on the air."""
-    return PREAMBLE_S + (MAC_BYTES + size_bytes) * 8e-6 / DATA_RATE_MBIT_S
+    return PREAMBLE_S + octets_s(size_bytes)

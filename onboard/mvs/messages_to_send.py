@@ -16,7 +16,6 @@ from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_coding import encode_within
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
-from onboard.mvs.settings import MvsSettings
 from onboard.mvs.tracked_objects import without_radio
 from onboard.tracking.evidence import observer_of
 from onboard.tracking.track import Track
@@ -30,32 +29,17 @@ class MessagesToSend:
     of which is the present one, and the time, on the vehicle's clock and in ms of UTC.
     """
 
-    def __init__(
-        self,
-        settings: MvsSettings,
-        rng: np.random.Generator,
-        host: HostVehicle,
-        *,
-        acceleration_density: float,
-        max_measurements: int,
-    ) -> None:
+    def __init__(self, host: HostVehicle, evidence: EvidenceToSend, max_bytes: int) -> None:
         """Start with nothing sent.
 
         Args:
-            settings: the user's.
-            rng: for the selections that choose at random.
             host: sends them.
-            acceleration_density: q of the fusion, m^2/s^3.
-            max_measurements: in one estimate.
+            evidence: selects what they contain.
+            max_bytes: of a footer.
         """
-        self._max_bytes = settings.max_bytes
         self._host = host
-        self._evidence = EvidenceToSend(
-            settings,
-            rng,
-            acceleration_density=acceleration_density,
-            max_measurements=max_measurements,
-        )
+        self._evidence = evidence
+        self._max_bytes = max_bytes
         self._sdsms = 0
         """Sent under the present ID."""
 

@@ -5,7 +5,7 @@ Without a position there is no MVS: nothing is measured, used or sent.
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.sdsm import EquipmentType, SensorDataSharingMessage
 from onboard.misbehaviour.evidence_check import MAX_MEASUREMENTS_PER_ESTIMATE
 from onboard.mvs import cpm_coding, sdsm_coding
+from onboard.mvs.evidence_to_send import EvidenceToSend
 from onboard.mvs.footer_validation import OwnMeasurements, violations_of_received
 from onboard.mvs.host_vehicle import HostVehicle, ReportedState
 from onboard.mvs.messages_to_send import MessagesToSend
@@ -92,13 +93,13 @@ class MultiVehicleSensing(Core):
         self._all_tracks = [self._tracks]
         if self._sensed_tracks is not None:
             self._all_tracks.append(self._sensed_tracks)
-        self._messages = MessagesToSend(
+        evidence = EvidenceToSend(
             settings,
             rng,
-            self._host,
             acceleration_density=tracking.acceleration_density,
             max_measurements=max_measurements,
         )
+        self._messages = MessagesToSend(self._host, evidence, settings.max_bytes)
         self._updated_ms: int | None = None
         """When the tracks were last updated, UTC."""
         self._slices: Iterator[None] | None = None
@@ -383,11 +384,10 @@ class MultiVehicleSensing(Core):
         self._waiting.put(data, sender_id, remote.reported.state[:2], now)
         if len(self._waiting) >= MAX_WAITING_FOOTERS:
             self._finish_update()
-            for _ in self._process_in_slices(now):
-                pass
+            result_of(self._process_in_slices(now))
         return None
 
-    def _process_in_slices(self, now: float) -> Iterator[None]:
+    def _process_in_slices(self, now: float) -> Generator[None, None, None]:
         """Assign what has arrived to tracks: detections first, then footers."""
         waiting = len(self._waiting)
         images, refused = self._detections.take(self.own_id, now, self._utc_ms)

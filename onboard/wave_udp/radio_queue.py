@@ -51,7 +51,7 @@ class RadioQueue:
         gate: Gate | None = None,
     ) -> None:
         """Pace frames by the radio's data rate and `gate`; at most `capacity` frames wait."""
-        self._byte_s = 8e-6 / data_rate_mbit_s
+        self._data_rate_mbit_s = data_rate_mbit_s
         self._capacity = capacity
         self._gate = gate
         self._queues: list[deque[_Queued]] = [deque() for _ in range(PRIORITIES)]
@@ -100,7 +100,7 @@ class RadioQueue:
         if priority < least_priority or now < self._opens_at(priority):
             return []
         wsm = self._queues[priority].popleft().wsm
-        self._free_at = now + FRAME_OVERHEAD_S + (MAC_BYTES + len(wsm)) * self._byte_s
+        self._free_at = now + FRAME_OVERHEAD_S + octets_s(len(wsm), self._data_rate_mbit_s)
         if self._gate is not None:
             self._gate.receive_sent(len(wsm), priority, now)
         return [(priority, wsm)]
@@ -136,3 +136,8 @@ class RadioQueue:
 
     def _drop(self, queued: _Queued, reason: str, now: float) -> None:
         self._events.append(Discarded(now, "radio", reason, f"{len(queued.wsm)} bytes"))
+
+
+def octets_s(size_bytes: int, data_rate_mbit_s: float = DATA_RATE_MBIT_S) -> float:
+    """Return how long the 802.11 header and `size_bytes` after it are on the air."""
+    return (MAC_BYTES + size_bytes) * (8e-6 / data_rate_mbit_s)
