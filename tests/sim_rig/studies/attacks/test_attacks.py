@@ -135,8 +135,8 @@ FALSE_ALARMS = dict.fromkeys(IMPOSTURES, 0) | {AttackKind.FRAMING: 3, AttackKind
 UNREAD = {AttackKind.NONE_UNREAD, AttackKind.MIMICRY_UNREAD}
 
 
-IDENTIFIED_S = 0.2
-"""Until a follower knows the vehicle ahead without an attack."""
+IDENTIFIED_S = 0.4
+"""Until a follower knows the badly read vehicle ahead without an attack."""
 
 
 @pytest.mark.long
