@@ -1,7 +1,7 @@
-"""Vulnerable road users by VAMs and PSMs: the same values that BSMs give of vehicles.
+"""Vulnerable road users by VAMs: the same values that BSMs give of vehicles.
 
 So all that is known of a BSM's sender is checked of theirs, and FCW sees them where it sees
-vehicles. Their sizes, which few state, are ours: those of an adult, and of a bicycle.
+vehicles.
 """
 
 from collections.abc import Mapping
@@ -11,11 +11,9 @@ from onboard.its_g5.awareness import ELLIPSE_SIGMAS, PERIOD_MS
 from onboard.its_g5.its_timestamp import nearest_utc_s
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import AccelerationSet, CoreData, PositionalAccuracy, VehicleSize
-from onboard.messages.psm import PersonalDeviceUser, PersonalSafetyMessage
+from onboard.messages.psm_as_bsm import BICYCLE, PERSON
 from onboard.messages.vam import Vam
 
-PERSON = VehicleSize(width_m=0.6, length_m=0.6)
-BICYCLE = VehicleSize(width_m=0.7, length_m=1.8)
 PEDESTRIAN, CYCLIST, MOPED, MOTORCYCLE = 1, 2, 3, 4
 """Station types (TS 102 894-2) of which VAMs are."""
 _SIZES: Mapping[int, VehicleSize] = {
@@ -61,22 +59,3 @@ def bsm_of_vam(message: Vam, utc_s: float) -> BasicSafetyMessage:
 
 def _sigma(axis_m: float | None) -> float | None:
     return None if axis_m is None else axis_m / ELLIPSE_SIGMAS
-
-
-def bsm_of_psm(message: PersonalSafetyMessage) -> BasicSafetyMessage:
-    """Return the BSM that says what a PSM says."""
-    is_cyclist = message.basic_type is PersonalDeviceUser.PEDAL_CYCLIST
-    return BasicSafetyMessage(
-        CoreData(
-            msg_cnt=message.msg_cnt,
-            temporary_id=message.temporary_id,
-            sec_mark_s=message.sec_mark_s,
-            latitude_deg=message.position.latitude_deg,
-            longitude_deg=message.position.longitude_deg,
-            elevation_m=message.position.elevation_m,
-            accuracy=message.accuracy,
-            speed_m_s=message.speed_m_s,
-            heading_rad=message.heading_rad,
-            size=BICYCLE if is_cyclist else PERSON,
-        )
-    )

@@ -3,6 +3,7 @@
 To list or complete them, a shell asks often, and their imports take a second.
 """
 
+import gc
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -100,7 +101,9 @@ class LazyGroup(typer.core.TyperGroup):
 def imported(name: str) -> Any:
     """Import a command of `COMMANDS`, one of Click's: Typer has its own copy of these."""
     module, attribute, _ = COMMANDS[name]
+    gc.disable()  # what is imported stays: to search it for garbage is a tenth of a start
     command = getattr(import_module(module), attribute)
+    gc.enable()
     if not isinstance(command, typer.Typer):
         app = command_line(add_completion=False)
         app.command(name)(command)

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from pycrate_asn1dir.ITS_VAM_3 import VAM_PDU_Descriptions
 
 from onboard.errors import DecodeError
-from onboard.its_g5.road_users import BICYCLE, PERSON, bsm_of_psm, bsm_of_vam
+from onboard.its_g5.road_users import bsm_of_vam
 from onboard.messages import psm, vam
 from onboard.messages.cam import BasicContainer
 from onboard.messages.psm import PersonalDeviceUser
+from onboard.messages.psm_as_bsm import BICYCLE, PERSON, bsm_of_psm
 from onboard.messages.record import Record
 from sim_rig.studies.attacks.persons import a_psm, a_vam
 from tests.messages.strategies import records

@@ -41,7 +41,8 @@ from onboard.tracking.evidence import Measurement, measurement_id
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.framing import RadioFraming, WaveFraming
 from onboard.vehicle.its_g5_framing import ItsG5Framing
-from onboard.vehicle.message_set import ItsMessages, J2735Messages, MessageSet
+from onboard.vehicle.its_messages import ItsMessages
+from onboard.vehicle.message_set import J2735Messages, MessageSet
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.persons import a_psm, a_vam
