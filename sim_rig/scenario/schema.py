@@ -118,7 +118,7 @@ class RoadSettings(Settings):
 
     @model_validator(mode="after")
     def _has_one_course(self) -> Self:
-        if self.bends and "points_m" in self.model_fields_set:
+        if self.bends and self.points_m != EASTWARDS_M:
             raise ValueError("bends exclude points_m")
         if any(after.from_m < before.until_m for before, after in pairwise(self.bends)):
             raise ValueError("bends must follow each other")

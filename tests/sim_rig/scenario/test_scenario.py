@@ -108,6 +108,15 @@ def test_the_scenarios_of_the_rig_have_no_mistake(name: str) -> None:
     assert load_scenario(name).expect
 
 
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_scenario_written_for_the_process_of_the_cameras_is_the_same(
+    tmp_path: Path, name: str
+) -> None:
+    scenario = load_scenario(name)
+
+    assert load(tmp_path, scenario.model_dump_json()) == scenario
+
+
 def test_a_car_s_configuration_that_is_given_as_a_scenario_names_the_command_for_it() -> None:
     with pytest.raises(SettingsError, match=r"^[^\n]*: onboard run examples/car.yaml$"):
         load_scenario("examples/car.yaml")
