@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.bsm_transmission.due_time import DueTime
 from onboard.kinematics.geodesy import distance_m
 
 MINIMUM_INTERVAL_S = 0.1
@@ -59,31 +60,25 @@ class Motion:
         )
 
 
-class CamSchedule:
+class CamSchedule(DueTime):
     """Decides when to send CAMs; takes the place of a `BsmSchedule`."""
 
     def __init__(
         self, rng: np.random.Generator, now: float, motion: Callable[[float], Motion]
     ) -> None:
-        """Start at a random time in the first interval: cars switched on together differ.
+        """Start, as `DueTime`.
 
         Args:
-            rng: draws that time.
+            rng: draws the first time.
             now: the present time.
             motion: of the host vehicle, at a `now`.
         """
-        self._rng = rng
+        super().__init__(rng, now, MINIMUM_INTERVAL_S)
         self._motion = motion
         self._sent: Motion | None = None
         self._sent_at = -math.inf
-        self._check_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
         self._repeated = 0
-        self._is_critical = False
         self._interval_s = self._max_interval_s = MAXIMUM_INTERVAL_S
-
-    def begin_anew(self, now: float) -> None:
-        """Check next at a random time: the phase tells nothing of the last pseudonym's."""
-        self._check_at = now + float(self._rng.uniform(0.0, MINIMUM_INTERVAL_S))
 
     @property
     def interval_s(self) -> float:
@@ -97,29 +92,11 @@ class CamSchedule:
     def receive_remote_vehicle(self, sender: bytes, distance_m: float | None, now: float) -> None:
         """See `BsmSchedule`; the density of vehicles changes nothing."""
 
-    def receive_event_flags(self, is_critical: bool, now: float) -> None:
-        """Take whether a critical event is present: it is a reason, and its start makes one due."""
-        if is_critical and not self._is_critical:
-            self._check_at = now
-        self._is_critical = is_critical
-
-    def hold_until(self, at: float) -> None:
-        """Compare no earlier than at `at`, unless there is a critical event."""
-        if not self._is_critical:
-            self._check_at = max(self._check_at, at)
-
-    def get_timer(self) -> float:
-        """Return the time of the next comparison."""
-        return self._check_at
-
-    def handle_timer(self, now: float) -> None:
-        """See `BsmSchedule`."""
-
     def take_due(self, now: float) -> bool:
         """Return whether a CAM is to be sent now; it then counts as sent."""
-        if now < self._check_at:
+        if now < self._due_at:
             return False
-        self._check_at = now + MINIMUM_INTERVAL_S
+        self._due_at = now + MINIMUM_INTERVAL_S
         motion, elapsed_s = self._motion(now), now - self._sent_at + _ROUNDING_S
         if self._sent is None or self._is_critical or motion.differs_from(self._sent):
             self._interval_s = min(elapsed_s, MAXIMUM_INTERVAL_S)

@@ -6,6 +6,9 @@ and a car without GNSS has no position error to track.
 """
 
 import numpy as np
+from typing_extensions import override
+
+from onboard.bsm_transmission.due_time import DueTime
 
 MINIMUM_INTERVAL_S = 0.1
 """vTxRateCntrlInt: interval of BSMs at low density, and of the density measurement."""
@@ -31,25 +34,24 @@ _MAX_COUNTED = 1024
 """Vehicles counted, a bound on memory; more would not change the interval."""
 
 
-class BsmSchedule:
+class BsmSchedule(DueTime):
     """Decides when to send BSMs."""
 
     def __init__(self, rng: np.random.Generator, now: float) -> None:
-        """Start at a random time in the first interval: cars switched on together differ."""
-        self._rng = rng
+        """See `DueTime`."""
+        super().__init__(rng, now, MINIMUM_INTERVAL_S)
         self._in_range_until: dict[bytes, float] = {}
         self._density = self._rate_1_s = 0.0
         self._received = 0
         """BSMs within range since the last measurement."""
         self._measure_at = now + MINIMUM_INTERVAL_S
         self._sent_at = now
-        self._send_at = now + float(rng.uniform(0.0, MINIMUM_INTERVAL_S))
-        self._is_critical = False
         self._max_interval_s = MAXIMUM_INTERVAL_S
 
+    @override
     def begin_anew(self, now: float) -> None:
-        """Send next at a random time within the interval: the phase tells nothing of the last."""
-        self._send_at = now + float(self._rng.uniform(0.0, self.interval_s))
+        """Send next at a random time within the present interval, as `DueTime`."""
+        self._draw(now, self.interval_s)
 
     @property
     def interval_s(self) -> float:
@@ -72,8 +74,8 @@ class BsmSchedule:
         if not MINIMUM_INTERVAL_S <= max_s <= MAXIMUM_INTERVAL_S:
             raise ValueError(f"an interval is {MINIMUM_INTERVAL_S} to {MAXIMUM_INTERVAL_S} s")
         self._max_interval_s = max_s
-        if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
-            self._send_at = max(now, self._sent_at + self.interval_s)
+        if self._due_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
+            self._due_at = max(now, self._sent_at + self.interval_s)
 
     def receive_remote_vehicle(self, sender: bytes, distance_m: float | None, now: float) -> None:
         """Count the sender of a received BSM.
@@ -89,21 +91,12 @@ class BsmSchedule:
         if sender in self._in_range_until or len(self._in_range_until) < _MAX_COUNTED:
             self._in_range_until[sender] = now + DENSITY_WINDOW_S
 
-    def receive_event_flags(self, is_critical: bool, now: float) -> None:
-        """Take whether a critical event is present; the start of one makes a BSM due at once."""
-        if is_critical and not self._is_critical:
-            self._send_at = now
-        self._is_critical = is_critical
-
-    def hold_until(self, at: float) -> None:
-        """Send no earlier than at `at`, unless there is a critical event."""
-        if not self._is_critical:
-            self._send_at = max(self._send_at, at)
-
+    @override
     def get_timer(self) -> float:
         """Return the time of the next BSM or density measurement."""
-        return min(self._send_at, self._measure_at)
+        return min(self._due_at, self._measure_at)
 
+    @override
     def handle_timer(self, now: float) -> None:
         """Measure the density if that is due."""
         if now < self._measure_at:
@@ -116,14 +109,14 @@ class BsmSchedule:
         rate_1_s = self._received / MINIMUM_INTERVAL_S
         self._rate_1_s += DENSITY_WEIGHT * (rate_1_s - self._rate_1_s)
         self._received = 0
-        if self._send_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
-            self._send_at = max(now, self._sent_at + self.interval_s)
+        if self._due_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
+            self._due_at = max(now, self._sent_at + self.interval_s)
 
     def take_due(self, now: float) -> bool:
         """Return whether a BSM is to be sent now; it then counts as sent."""
-        if now < self._send_at:
+        if now < self._due_at:
             return False
         self._sent_at = now
         interval_s = MINIMUM_INTERVAL_S if self._is_critical else self.interval_s
-        self._send_at = now + interval_s + float(self._rng.uniform(-JITTER_S, JITTER_S))
+        self._due_at = now + interval_s + float(self._rng.uniform(-JITTER_S, JITTER_S))
         return True

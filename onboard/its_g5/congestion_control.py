@@ -25,11 +25,9 @@ from onboard.its_g5.dcc_rate import (
     ReactiveRate,
     StateMachine,
 )
-from onboard.wave_udp.radio_queue import Gate, octets_s
+from onboard.wave_udp.radio_queue import Gate, airtime_s
 from onboard.wave_udp.settings import CongestionControlApproach
 
-PREAMBLE_S = 0.000_04
-"""Preamble and signal field of 802.11p."""
 MEASURED_S = 0.1
 """T_CBR: time over which a channel busy ratio is measured."""
 URGENT_PRIORITY = 6
@@ -118,8 +116,3 @@ class CongestionControl(Core, Gate):
     def next_event(self) -> ChannelLoad | None:
         """Return the oldest event not yet taken, or `None`."""
         return self._events.popleft() if self._events else None
-
-
-def airtime_s(size_bytes: int) -> float:
-    """Return the time that a frame with `size_bytes` after the 802.11 header takes on the air."""
-    return PREAMBLE_S + octets_s(size_bytes)

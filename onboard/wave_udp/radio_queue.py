@@ -15,8 +15,11 @@ from onboard.observations import Discarded
 PRIORITIES = 8
 """User priorities 0 to 7 (IEEE 802.1D); 7 is sent first."""
 
-FRAME_OVERHEAD_S = 0.000_15
-"""Preamble and signal field of 802.11p (40 us), and the mean wait for a free channel."""
+CHANNEL_WAIT_S = 0.000_11
+"""Mean wait for a free channel, before a frame is on the air."""
+
+PREAMBLE_S = 0.000_04
+"""Preamble and signal field of 802.11p."""
 
 MAC_BYTES = 32
 """Octets of the 802.11 QoS data header (26), EtherType (2) and frame check sequence (4)."""
@@ -100,7 +103,7 @@ class RadioQueue:
         if priority < least_priority or now < self._opens_at(priority):
             return []
         wsm = self._queues[priority].popleft().wsm
-        self._free_at = now + FRAME_OVERHEAD_S + octets_s(len(wsm), self._data_rate_mbit_s)
+        self._free_at = now + CHANNEL_WAIT_S + airtime_s(len(wsm), self._data_rate_mbit_s)
         if self._gate is not None:
             self._gate.receive_sent(len(wsm), priority, now)
         return [(priority, wsm)]
@@ -138,6 +141,6 @@ class RadioQueue:
         self._events.append(Discarded(now, "radio", reason, f"{len(queued.wsm)} bytes"))
 
 
-def octets_s(size_bytes: int, data_rate_mbit_s: float = DATA_RATE_MBIT_S) -> float:
-    """Return how long the 802.11 header and `size_bytes` after it are on the air."""
-    return (MAC_BYTES + size_bytes) * (8e-6 / data_rate_mbit_s)
+def airtime_s(size_bytes: int, data_rate_mbit_s: float = DATA_RATE_MBIT_S) -> float:
+    """Return how long a frame of `size_bytes` after the 802.11 header is on the air."""
+    return PREAMBLE_S + (MAC_BYTES + size_bytes) * (8e-6 / data_rate_mbit_s)

@@ -11,7 +11,6 @@ from onboard.its_g5.congestion_control import (
     BURST_FRAMES,
     BURST_PERIOD_S,
     CongestionControl,
-    airtime_s,
 )
 from onboard.its_g5.dcc_rate import (
     ALPHA,
@@ -29,7 +28,7 @@ from onboard.its_g5.dcc_rate import (
 from onboard.observations import Discarded
 from onboard.settings import SettingsError, parse_settings
 from onboard.vehicle.config import CarConfig
-from onboard.wave_udp.radio_queue import RadioQueue
+from onboard.wave_udp.radio_queue import RadioQueue, airtime_s
 from onboard.wave_udp.settings import CongestionControlApproach
 from tests.typed import a
 
