@@ -30,7 +30,7 @@ from onboard.tools.test_ca.authority import (
 from onboard.wave_udp import psid
 from sim_rig.boxes.settings import BoxSettings
 from sim_rig.cars.background_traffic import background_names
-from sim_rig.road_side.road_side_unit import road_side_units
+from sim_rig.road_side.open_channel import other_stations
 from sim_rig.scenario.car_config import known_plates
 from sim_rig.scenario.schema import Scenario
 
@@ -53,14 +53,13 @@ def run_credentials(
             not of its car.
     """
     cars = [*scenario.equipped, *background_names(scenario)]
-    units, plates = road_side_units(scenario), known_plates(scenario)
+    others, plates = other_stations(scenario), known_plates(scenario)
     if not boxes:
         return make_trial(
             cars,
             scenario.psids,
             utc_s,
-            road_side_units=units,
-            unit_psids=scenario.unit_psids,
+            others=others,
             plates=plates,
         )
     folder = next(iter(boxes.values())).keys
@@ -74,7 +73,7 @@ def run_credentials(
             issuing, _BOX_PSEUDONYMS, scenario.psids, plate=plate, **_valid(utc_s, _BOX_DAYS)
         )
         write_credentials(folder / car, own)
-    trial = issue_trial(issuing, cars, scenario.psids, utc_s, road_side_units=units, plates=plates)
+    trial = issue_trial(issuing, cars, scenario.psids, utc_s, others=others, plates=plates)
     for car in plates.keys() - boxes.keys():
         trial[car] = _kept(folder / "others", trial[car], scenario.psids, plates[car], utc_s)
     for credentials in trial.values():

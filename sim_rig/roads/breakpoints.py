@@ -9,7 +9,7 @@ from sim_rig.roads.piecewise_linear import Breakpoints, PiecewiseLinear
 from sim_rig.roads.road import CarState, Road
 from sim_rig.roads.trace_files import read_trace
 from sim_rig.roads.trajectory_drive import TrajectoryDrive
-from sim_rig.scenario.schema import RoadSettings, Scenario, ScenarioCar
+from sim_rig.scenario.schema import RoadSettings, Scenario, ScenarioCar, ScenarioPedestrian
 
 
 class BreakpointRoad(Road):
@@ -19,7 +19,7 @@ class BreakpointRoad(Road):
         files = {car.trajectory for car in scenario.cars.values() if car.trajectory is not None}
         traces = {file: read_trace(file) for file in files}
         self._cars = {
-            name: _Drive(car, scenario.roads[car.road], scenario.lane_width_m)
+            name: BreakpointDrive(car, scenario.roads[car.road], scenario.lane_width_m)
             if car.trajectory is None
             else TrajectoryDrive(traces[car.trajectory].drive(name), car.height_m)
             for name, car in scenario.cars.items()
@@ -44,24 +44,26 @@ class BreakpointRoad(Road):
             deceleration_m_s2: 0 ends the braking.
         """
         drive = self._cars[car]
-        assert isinstance(drive, _Drive)  # noqa: S101 (by the schema)
+        assert isinstance(drive, BreakpointDrive)  # noqa: S101 (by the schema)
         drive.brake(begin_s, until_s, deceleration_m_s2)
         self._at_s = -1.0
 
     @override
     def lane_ahead(self, car: str, at_s: float, ahead_m: Sequence[float]) -> Sequence[Point]:
         drive = self._cars[car]
-        return drive.lane_ahead(at_s, ahead_m) if isinstance(drive, _Drive) else []
+        return drive.lane_ahead(at_s, ahead_m) if isinstance(drive, BreakpointDrive) else []
 
     @override
     def car_at(self, car: str, at_s: float) -> CarState:
         return self._cars[car].state(at_s)
 
 
-class _Drive:
-    """Motion of one car by its breakpoints."""
+class BreakpointDrive:
+    """Motion of one car, or of one pedestrian, by breakpoints."""
 
-    def __init__(self, car: ScenarioCar, road: RoadSettings, lane_width_m: float) -> None:
+    def __init__(
+        self, car: ScenarioCar | ScenarioPedestrian, road: RoadSettings, lane_width_m: float
+    ) -> None:
         self._car = car
         bends = [(bend.from_m, bend.until_m, bend.radius_m) for bend in road.bends]
         self._path = Path(bent_m(bends) if bends else road.points_m)
@@ -89,6 +91,7 @@ class _Drive:
         return [self._path.place(self._zero_m + driven_m + each, left_m) for each in ahead_m]
 
     def state(self, at_s: float) -> CarState:
+        """Return the state at a time since the start of the scenario, s."""
         speed_m_s, acceleration_m_s2, driven_m = self._speed_m_s.sample(at_s)
         front_m = self._zero_m + driven_m
         left_m = (self._lane.value(at_s) - 1) * self._lane_width_m

@@ -33,7 +33,7 @@ from sim_rig.processes.wrong_clock import START_FILE
 from sim_rig.radio.air import Air
 from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
-from sim_rig.road_side.road_side_unit import open_channel
+from sim_rig.road_side.open_channel import open_channel
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder

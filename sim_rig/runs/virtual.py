@@ -23,7 +23,7 @@ from onboard.tools.test_ca.authority import make_trial
 from sim_rig.cars.background_traffic import BackgroundTraffic, background_names
 from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.radio.faulty_air import FaultyAir
-from sim_rig.road_side.road_side_unit import open_channel, road_side_units
+from sim_rig.road_side.open_channel import open_channel, other_stations
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.run_log.run_log import RunLog
@@ -88,14 +88,12 @@ class _VirtualRun:
         if scenario.signed:
             new_key = key_from(np.random.default_rng(keys_seed))
             cars = [*scenario.equipped, *background_names(scenario)]
-            units = road_side_units(scenario)
             credentials = make_trial(
                 cars,
                 scenario.psids,
                 START_UTC_S,
                 new_key,
-                road_side_units=units,
-                unit_psids=scenario.unit_psids,
+                others=other_stations(scenario),
                 plates=known_plates(scenario),
             )
         air_rng = np.random.default_rng(air_seed)

@@ -194,6 +194,20 @@ class ScenarioCar(Settings):
         return self.plate if self.plate is not None else f"TAG{self.tag_id}"
 
 
+class ScenarioPedestrian(Settings):
+    """A pedestrian with a radio, whom cameras and detectors do not see."""
+
+    road: RoadName
+    """The way, which may cross others."""
+    start_m: float = 0.0
+    lane: LaneCourse = ((0.0, 1.0),)
+    speed_m_s: SpeedCourse
+    """As of a car."""
+    length_m: ClassVar[float] = 0.6
+    width_m: ClassVar[float] = 0.6
+    height_m: ClassVar[float] = 1.7
+
+
 class Scenario(Settings):
     """One scenario."""
 
@@ -213,6 +227,8 @@ class Scenario(Settings):
     """Messages and headers of all cars."""
     signal: SignalSettings | None = None
     """Signals of a crossing, whose road-side unit sends MAP and SPAT messages."""
+    pedestrians: Mapping[CarName, ScenarioPedestrian] = {}
+    """Who sends PSMs or VAMs."""
     lens: LensSettings = LensSettings()
     ecu: EcuSettings = EcuSettings()
     gnss: ReceiverSettings | None = None
@@ -250,6 +266,11 @@ class Scenario(Settings):
         """Services in which its road-side units send."""
         is_its = self.profile is RadioProfile.ITS_G5
         return psid.OF_ITS_ROAD_SIDE_UNITS if is_its else psid.OF_ROAD_SIDE_UNITS
+
+    @property
+    def pedestrian_psids(self) -> frozenset[int]:
+        """Services in which its pedestrians send."""
+        return frozenset({psid.VAM if self.profile is RadioProfile.ITS_G5 else psid.PSM})
 
     def has_fault(self, what: str, car: str, at_s: float) -> bool:
         """Whether a fault is active.
@@ -309,8 +330,10 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
     for road in approaches:
         if road not in scenario.roads:
             yield f"signal.approaches.{road}: no such road; roads: {', '.join(scenario.roads)}"
-    if approaches and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
-        yield "radio.neighbours: the road-side unit of signal needs reach_m instead"
+    yield from _mistakes_of_pedestrians(scenario)
+    has_others = approaches or scenario.pedestrians
+    if has_others and isinstance(scenario.radio, ReachSettings) and scenario.radio.reach_m is None:
+        yield "radio.neighbours: signal and pedestrians need reach_m instead"
     if scenario.traffic is not None and not scenario.background_traffic:
         yield "traffic: drives background_traffic (given 0); allowed: 1 to 200"
     yield from _mistakes_of_faults(scenario)
@@ -344,6 +367,16 @@ def _mistakes_of_cars(scenario: Scenario) -> Iterator[str]:
         if car.road not in scenario.roads:
             roads = ", ".join(scenario.roads)
             yield f"cars.{name}.road: no such road (given {car.road!r}); roads: {roads}"
+
+
+def _mistakes_of_pedestrians(scenario: Scenario) -> Iterator[str]:
+    for name, pedestrian in scenario.pedestrians.items():
+        if name in scenario.cars:
+            yield f"pedestrians.{name}: is the name of a car"
+        if pedestrian.road not in scenario.roads:
+            roads = ", ".join(scenario.roads)
+            given = f"(given {pedestrian.road!r})"
+            yield f"pedestrians.{name}.road: no such road {given}; roads: {roads}"
 
 
 def _names_used(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -17,7 +17,7 @@ from onboard.messages.cam import BasicContainer
 from onboard.messages.psm import PersonalDeviceUser
 from onboard.messages.psm_as_bsm import BICYCLE, PERSON, bsm_of_psm
 from onboard.messages.record import Record
-from sim_rig.studies.attacks.persons import a_psm, a_vam
+from sim_rig.road_side.person_messages import a_psm, a_vam
 from tests.messages.strategies import records
 from tests.messages.test_cam import few
 

@@ -10,7 +10,6 @@ import pytest
 
 from onboard.its_g5 import packet, ports
 from onboard.its_g5.awareness import cam_of
-from onboard.its_g5.congestion_control import airtime_s
 from onboard.its_g5.headers import Area, LongPositionVector
 from onboard.its_g5.its_timestamp import timestamp_ms
 from onboard.its_g5.notification import EventReports
@@ -45,12 +44,13 @@ from onboard.vehicle.shared_sensing import SharedSensing
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.capture import PcapWriter
+from onboard.wave_udp.radio_queue import airtime_s
 from onboard.wave_udp.settings import RadioProfile
 from onboard.wave_udp.wsmp import WaveShortMessage
 from sim_rig.reporting.verdict import Outcome, verdict
+from sim_rig.road_side.person_messages import a_vam
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
-from sim_rig.studies.attacks.persons import a_vam
 from tests.its_g5.test_awareness import SENT
 from tests.its_g5.test_notification import bsm
 from tests.messages.test_cpm import SENT as PERCEIVED
@@ -317,7 +317,15 @@ def test_a_unit_that_needs_a_psid_has_no_its_g5() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(
     "name",
-    ["shared-detection", "fig4", "red-light", "platoon", "signal-passed-at-red", "stop-at-line"],
+    [
+        "shared-detection",
+        "fig4",
+        "pedestrian",
+        "red-light",
+        "platoon",
+        "signal-passed-at-red",
+        "stop-at-line",
+    ],
 )
 def test_scenarios_meet_their_expectations_with_its_g5(name: str) -> None:
     scenario = load_scenario(name, RadioProfile.ITS_G5).model_copy(update={"signed": True})

@@ -28,7 +28,7 @@ TRIAL = make_trial(
     {psid.BSM, psid.LCCA},
     SENT_UTC_S,
     p256.key_from(np.random.default_rng(9)),
-    road_side_units=["unit"],
+    others={"unit": psid.OF_ROAD_SIDE_UNITS},
 )
 
 

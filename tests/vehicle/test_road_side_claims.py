@@ -30,7 +30,7 @@ TRIAL = make_trial(
     psid.OF_VEHICLES,
     UTC_S,
     p256.key_from(np.random.default_rng(30)),
-    road_side_units=["unit"],
+    others={"unit": psid.OF_ROAD_SIDE_UNITS},
 )
 CROSSINGS = 5
 

@@ -6,6 +6,7 @@ the revocation lists of what it issued.
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TypedDict
 
 from onboard.its_g5.permissions import cam_ssp, denm_ssp
@@ -23,7 +24,7 @@ from onboard.security.crl_codec import encode_crl, encode_ssp
 from onboard.security.id_commitment import leaf, ssp_of
 from onboard.security.plate_digest import PlateDigest
 from onboard.security.region import GeographicRegion
-from onboard.wave_udp.psid import CAM, CRL, DENM, J2735, LCCA, OF_ROAD_SIDE_UNITS
+from onboard.wave_udp.psid import CAM, CRL, DENM, J2735, LCCA
 
 DAY_S = 86_400.0
 SSPS_OF_CARS: Mapping[int, bytes] = {CAM: cam_ssp(), DENM: denm_ssp()}
@@ -199,8 +200,7 @@ def make_trial(
     *,
     pseudonyms: int = 4,
     implicit: bool = False,
-    road_side_units: Iterable[str] = (),
-    unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
+    others: Mapping[str, Collection[int]] = MappingProxyType({}),
     plates: Mapping[str, KnownPlate] | None = None,
     ssps: Mapping[int, bytes] = SSPS_OF_CARS,
 ) -> dict[str, Credentials]:
@@ -213,16 +213,14 @@ def make_trial(
         new_key: `p256.key_from(rng)` gives the same keys for the same seed.
         pseudonyms: number of certificates a vehicle.
         implicit: make implicit certificates.
-        road_side_units: names of the units beside the road.
-        unit_psids: services that these may sign.
+        others: other stations by name, such as road-side units, with the services of each.
         plates: of the vehicles whose certificates commit to their IDs, by name.
         ssps: bitmaps of permissions in the vehicles' services.
 
     Returns:
-        the credentials by vehicle and unit.
+        the credentials by name.
     """
-    units = list(road_side_units)
-    granted = {*psids, *unit_psids} if units else set(psids)
+    granted = set(psids).union(*others.values())
     valid = _of_a_trial(utc_s)
     root = make_root("trial root", granted, new_key=new_key, **valid)
     issuing = make_issuing(root, "trial issuing", new_key=new_key, **valid)
@@ -234,8 +232,7 @@ def make_trial(
         new_key,
         pseudonyms=pseudonyms,
         implicit=implicit,
-        road_side_units=units,
-        unit_psids=unit_psids,
+        others=others,
         plates=plates,
         ssps=ssps,
     )
@@ -250,8 +247,7 @@ def issue_trial(
     *,
     pseudonyms: int = 4,
     implicit: bool = False,
-    road_side_units: Iterable[str] = (),
-    unit_psids: Collection[int] = OF_ROAD_SIDE_UNITS,
+    others: Mapping[str, Collection[int]] = MappingProxyType({}),
     plates: Mapping[str, KnownPlate] | None = None,
     ssps: Mapping[int, bytes] = SSPS_OF_CARS,
 ) -> dict[str, Credentials]:
@@ -270,7 +266,7 @@ def issue_trial(
         )
         for name, count, services in (
             *((car, pseudonyms, psids) for car in cars),
-            *((unit, 1, unit_psids) for unit in road_side_units),
+            *((other, 1, services) for other, services in others.items()),
         )
     }
 

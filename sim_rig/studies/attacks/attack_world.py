@@ -45,7 +45,7 @@ from onboard.vehicle.its_messages import ItsMessages
 from onboard.vehicle.message_set import J2735Messages, MessageSet
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid
-from sim_rig.studies.attacks.persons import a_psm, a_vam
+from sim_rig.road_side.person_messages import a_psm, a_vam
 
 ORIGIN = LocalFrame(48.1, 11.5)
 SPEED_M_S = 14.0

@@ -15,7 +15,8 @@ from onboard.security.ieee1609dot2 import SignedData
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid, wsmp
 from sim_rig.radio.air import Air, Delivery
-from sim_rig.road_side.road_side_unit import NAME, open_channel
+from sim_rig.road_side.open_channel import open_channel, other_stations
+from sim_rig.road_side.road_side_unit import NAME
 from sim_rig.road_side.signal_controller import Shown, shown
 from sim_rig.road_side.signal_messages import map_message, spat_message
 from sim_rig.roads.breakpoints import BreakpointRoad
@@ -118,7 +119,7 @@ def test_the_unit_signs_with_its_own_certificate() -> None:
         {psid.BSM},
         UTC_S,
         p256.key_from(np.random.default_rng(1)),
-        road_side_units=[NAME],
+        others=other_stations(SCENARIO),
     )
     payloads = [wsmp.decode(each.wsm).payload for each in deliveries(0.5, trial)]
     signers = [a(SignedData, ieee1609dot2.decode(each)).signer for each in payloads]

@@ -1,4 +1,4 @@
-"""Messages of persons with a radio who stand still, as insiders make them up."""
+"""Messages of pedestrians with a radio: VAMs and PSMs."""
 
 from onboard.its_g5.awareness import ELLIPSE_SIGMAS, PERIOD_MS
 from onboard.its_g5.its_timestamp import timestamp_ms
@@ -16,11 +16,18 @@ from onboard.messages.psm import PersonalDeviceUser, PersonalSafetyMessage
 from onboard.messages.vam import MOTION_PRESENT, Vam, VruMotion, VruParameters
 
 PERSON_SIGMA_M = 0.5
-"""That they claim."""
+"""That they state of their position."""
 
 
-def a_vam(station_id: bytes, place_deg: tuple[float, float], utc_s: float) -> Vam:
-    """Return the VAM of a pedestrian who stands at a latitude and longitude."""
+def a_vam(
+    station_id: bytes,
+    place_deg: tuple[float, float],
+    utc_s: float,
+    *,
+    speed_m_s: float = 0.0,
+    heading_rad: float = 0.0,
+) -> Vam:
+    """Return the VAM of a pedestrian at a latitude and longitude, clockwise from north."""
     ellipse = ConfidenceEllipse(PERSON_SIGMA_M * ELLIPSE_SIGMAS, PERSON_SIGMA_M * ELLIPSE_SIGMAS)
     return Vam(
         station_id,
@@ -32,8 +39,8 @@ def a_vam(station_id: bytes, place_deg: tuple[float, float], utc_s: float) -> Va
             motion=VruMotion(
                 has_additions=False,
                 present=0,
-                heading=ReportedHeading(0.0),
-                speed=ReportedSpeed(0.0),
+                heading=ReportedHeading(heading_rad),
+                speed=ReportedSpeed(speed_m_s),
                 acceleration=Acceleration(0.0),
             ),
         ),
@@ -41,9 +48,15 @@ def a_vam(station_id: bytes, place_deg: tuple[float, float], utc_s: float) -> Va
 
 
 def a_psm(
-    temporary_id: bytes, place_deg: tuple[float, float], utc_s: float, msg_cnt: int
+    temporary_id: bytes,
+    place_deg: tuple[float, float],
+    utc_s: float,
+    msg_cnt: int,
+    *,
+    speed_m_s: float = 0.0,
+    heading_rad: float = 0.0,
 ) -> PersonalSafetyMessage:
-    """Return the PSM of a pedestrian who stands at a latitude and longitude."""
+    """Return the PSM of a pedestrian, as `a_vam`."""
     return PersonalSafetyMessage(
         has_additions=False,
         present=0,
@@ -53,6 +66,6 @@ def a_psm(
         temporary_id=temporary_id,
         position=ReferencePoint(*place_deg),
         accuracy=PositionalAccuracy(PERSON_SIGMA_M, PERSON_SIGMA_M),
-        speed_m_s=0.0,
-        heading_rad=0.0,
+        speed_m_s=speed_m_s,
+        heading_rad=heading_rad,
     )
