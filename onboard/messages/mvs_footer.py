@@ -14,6 +14,7 @@ padded with zeros.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -191,6 +192,12 @@ def encode(footer: MvsFooter) -> bytes:
             raise ValueError(f"{len(estimate.provenance)} runs, declared {estimate.state.runs}")
         parts += [STATE.encode(estimate.state), _encode_provenance(estimate.provenance)]
     return b"".join(parts)
+
+
+def size_of_estimate(measurements: Iterable[int]) -> int:
+    """Return the bytes of an estimate by the number of measurements of each observer."""
+    words = sum(count + math.ceil(count / MAX_RUN) for count in measurements)
+    return STATE.size_bytes + math.ceil(words * AGE_BITS / 8)
 
 
 def decode(data: bytes) -> MvsFooter:

@@ -1,6 +1,6 @@
 """Encoding of evidence as a footer."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Container, Iterable, Sequence
 from functools import cache, partial
 from typing import Any
@@ -14,6 +14,7 @@ from onboard.messages.mvs_footer import (
     MAX_AGE_MS,
     MAX_OBSERVERS,
     MAX_RUN,
+    OBSERVER_BYTES,
     MvsFooter,
     ObserverRun,
     SharedEstimate,
@@ -109,18 +110,31 @@ def encode_within(
     Returns:
         the footer, and the entries in it.
     """
-    fitting = [
+    timely = [
         (number, piece)
         for number, piece in entries
         if all(0 <= reference_ms - measured_ms(each) <= MAX_AGE_MS for each in piece.provenance)
     ]
-    while True:
-        names = {observer_of(each) for _, piece in fitting for each in piece.provenance}
-        if len(names) <= MAX_OBSERVERS:
-            data = mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor))
-            if len(data) <= max_bytes or not fitting:
-                return data, fitting
-        fitting.pop()
+    fitting = timely[: _count_within(timely, max_bytes)]
+    return mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor)), fitting
+
+
+def _count_within(entries: Sequence[Entry], max_bytes: int) -> int:
+    """Return how many of the first entries fit into a footer."""
+    named: set[bytes] = set()
+    left_bytes = max_bytes - mvs_footer.HEADER.size_bytes
+    for count, (_, piece) in enumerate(entries):
+        measured = Counter(map(observer_of, piece.provenance))
+        left_bytes -= OBSERVER_BYTES * len(measured.keys() - named)
+        named |= measured.keys()
+        left_bytes -= (
+            mvs_footer.MEASUREMENT.size_bytes
+            if isinstance(piece, Measurement)
+            else mvs_footer.size_of_estimate(measured.values())
+        )
+        if left_bytes < 0 or len(named) > MAX_OBSERVERS:
+            return count
+    return len(entries)
 
 
 def runs_of(

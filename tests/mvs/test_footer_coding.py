@@ -1,5 +1,7 @@
 """Evidence to footer and back, between cars with different frames."""
 
+from bisect import bisect_right
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -80,6 +82,18 @@ def test_what_does_not_fit_is_left_out_from_the_end() -> None:
     data, fitting = encode_within(sent, 100_000, SENDER, ANCHOR, 18)
     assert evidence_in(read_bytes(data), SENDER) == []
     assert fitting == []
+
+
+def test_as_many_entries_are_sent_as_fit() -> None:
+    provenance = frozenset(measurement_id(b"cccc", 100_000 - k) for k in range(40))
+    estimate = Estimate(provenance, np.zeros(4), np.eye(4))
+    sent = [*some_evidence(np.random.default_rng(0), 6), (9, estimate)]
+    firsts = [footer_of(sent[:count], 100_000, SENDER, ANCHOR) for count in range(8)]
+    sizes = [len(mvs_footer.encode(each)) for each in firsts]
+    for most_bytes in [*sizes, *(size - 1 for size in sizes[1:])]:
+        data, fitting = encode_within(sent, 100_000, SENDER, ANCHOR, most_bytes)
+        assert len(fitting) == bisect_right(sizes, most_bytes) - 1
+        assert data == mvs_footer.encode(firsts[len(fitting)])
 
 
 def test_what_is_too_old_or_not_yet_is_not_sent() -> None:
