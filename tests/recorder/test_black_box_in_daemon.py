@@ -4,8 +4,6 @@ import json
 import secrets
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -16,13 +14,17 @@ import yaml
 
 from onboard.recorder.reader import RecordedDrive, is_finished
 from onboard.replay.replay import compare
+from tests.forked_daemon import ForkedDaemon
 from tests.recorder.waiting import WITHIN_S, wait_until
+
+FULL_BYTES = 65_536
+"""Of a file, after which the disk counts as full."""
 
 
 class Daemon:
     """A real daemon with a radio and a black box."""
 
-    def __init__(self, folder: Path, **limits: int) -> None:
+    def __init__(self, folder: Path, most_file_bytes: int | None) -> None:
         folder.mkdir(exist_ok=True)
         self.box = folder / "box"
         self.trace = folder / "trace.jsonl"
@@ -43,11 +45,7 @@ class Daemon:
             "recorder": {"folder": str(self.box)},
         }
         (folder / "car.yaml").write_text(yaml.safe_dump(tree))
-        limit = f"ulimit -f {limits['blocks']}; " if limits else ""
-        command = [sys.executable, "-m", "onboard", "run", str(folder / "car.yaml")]
-        self.process = subprocess.Popen(
-            ["sh", "-c", f'{limit}exec "$@"', "sh", *command], stderr=subprocess.DEVNULL
-        )
+        self.process = ForkedDaemon(folder / "car.yaml", most_file_bytes=most_file_bytes)
 
     def receive(self) -> bytes:
         """Return the next BSM of the daemon."""
@@ -63,12 +61,11 @@ class Daemon:
     def end(self, number: signal.Signals) -> int:
         self.process.send_signal(number)
         self.wire.close()
-        return self.process.wait(WITHIN_S)
+        return self.process.wait()
 
     def release(self) -> None:
         """End the process and close the socket."""
-        self.process.kill()
-        self.process.wait()
+        self.process.release()
         self.wire.close()
 
 
@@ -77,8 +74,8 @@ def start_daemon(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
     """Start daemons and wait for their first BSM; end them after the test."""
     with ExitStack() as stack:
 
-        def start(**limits: int) -> Daemon:
-            daemon = Daemon(tmp_path, **limits)
+        def start(most_file_bytes: int | None = None) -> Daemon:
+            daemon = Daemon(tmp_path, most_file_bytes)
             stack.callback(daemon.release)
             daemon.receive()
             return daemon
@@ -112,7 +109,7 @@ def test_a_stopped_daemon_finishes_its_recording(start_daemon: Callable[..., Dae
 def test_a_daemon_with_a_full_disk_reports_it_and_keeps_sending(
     start_daemon: Callable[..., Daemon],
 ) -> None:
-    daemon = start_daemon(blocks=128)  # of 512 bytes
+    daemon = start_daemon(most_file_bytes=FULL_BYTES)
     for _ in range(150):
         daemon.send(secrets.token_bytes(1000))
         time.sleep(0.002)
@@ -129,7 +126,7 @@ def test_a_stopped_daemon_with_a_full_disk_reports_the_final_number_of_lost_reco
     start_daemon: Callable[..., Daemon],
 ) -> None:
     """The last traced state includes the records that were still in the queue."""
-    daemon = start_daemon(blocks=128)  # of 512 bytes
+    daemon = start_daemon(most_file_bytes=FULL_BYTES)
 
     def has_filled_the_disk() -> bool:
         daemon.send(secrets.token_bytes(1000))

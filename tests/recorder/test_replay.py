@@ -4,8 +4,6 @@ import json
 import math
 import secrets
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +24,7 @@ from onboard.replay.replay import OTHER_PROCESSOR, Output, compare, play
 from onboard.security import ieee1609dot2
 from onboard.security.plate_digest import normalised
 from onboard.security.pseudonyms import ENTROPY_BYTES
+from onboard.tools.cli import main
 from onboard.tools.recording_cli import expect
 from onboard.vehicle.config import CarConfig
 from onboard.wave_udp import psid, wsmp
@@ -33,6 +32,7 @@ from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import load_scenario
 from tests.recorder.drive import AHEAD, BEHIND, KEY, SIMILAR, record_drive
 from tests.recorder.headers import HEADER
+from tests.terminal import Terminal
 
 EPOCH_UTC_S = 1_750_000_500.0
 """At which an epoch begins."""
@@ -409,16 +409,18 @@ def test_only_the_owner_can_read_a_recording(drive: Path) -> None:
 # ---- the command --------------------------------------------------------------------------
 
 
-def onboard(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "onboard", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal("onboard", main, monkeypatch, capsys)
 
 
 @pytest.mark.long
-def test_expect_prints_the_comparison_and_exits_with_0_or_1(drive: Path, tmp_path: Path) -> None:
-    good = onboard("replay", drive, "--expect")
+def test_expect_prints_the_comparison_and_exits_with_0_or_1(
+    terminal: Terminal, drive: Path, tmp_path: Path
+) -> None:
+    good = terminal.run("replay", drive, "--expect")
     changed = tampered(drive, tmp_path, b'"kind":"warning"', b'"kind":"wArning"')
-    bad = onboard("replay", changed, "--expect")
+    bad = terminal.run("replay", changed, "--expect")
 
     assert (good.returncode, bad.returncode) == (0, 1)
     assert "equal the recorded ones" in good.stdout
@@ -427,15 +429,15 @@ def test_expect_prints_the_comparison_and_exits_with_0_or_1(drive: Path, tmp_pat
     assert "replayed: /out/warning" in bad.stdout
 
 
-def test_replay_prints_the_events_of_a_recording(drive: Path) -> None:
-    result = onboard("replay", drive)
+def test_replay_prints_the_events_of_a_recording(terminal: Terminal, drive: Path) -> None:
+    result = terminal.run("replay", drive)
 
     assert result.returncode == 0
     assert '"kind":"warning"' in result.stdout
 
 
-def test_an_empty_folder_is_an_error_of_one_line(tmp_path: Path) -> None:
-    result = onboard("replay", tmp_path, "--expect")
+def test_an_empty_folder_is_an_error_of_one_line(terminal: Terminal, tmp_path: Path) -> None:
+    result = terminal.run("replay", tmp_path, "--expect")
 
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1

@@ -3,14 +3,14 @@
 import json
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from onboard.runtime.systemd import Systemd
+from tests.forked_daemon import ForkedDaemon
+from tests.recorder.waiting import wait_until
 
 
 class NotifySocket:
@@ -47,37 +47,33 @@ def systemd(tmp_path: Path) -> Iterator[NotifySocket]:
 
 
 @pytest.fixture
-def daemon(systemd: NotifySocket, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def daemon(systemd: NotifySocket, tmp_path: Path) -> Iterator[ForkedDaemon]:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: OLD1}\n")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "onboard", "run", str(config)],
-        env={"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "400000", "JOURNAL_STREAM": "8:1"},
-        stderr=subprocess.PIPE,
-        text=True,
+    started = ForkedDaemon(
+        config,
+        {"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "400000", "JOURNAL_STREAM": "8:1"},
     )
-    yield process
-    process.kill()
-    process.communicate()
+    yield started
+    started.release()
 
 
 def test_systemd_is_notified_of_readiness_progress_and_end(
-    daemon: subprocess.Popen[str], systemd: NotifySocket
+    daemon: ForkedDaemon, systemd: NotifySocket
 ) -> None:
     assert "OLD1" in systemd.next_with("READY")["STATUS"]
     systemd.next_with("WATCHDOG")
     systemd.next_with("WATCHDOG")
-    daemon.terminate()
+    daemon.send_signal(signal.SIGTERM)
     systemd.next_with("STOPPING")
-    _, log = daemon.communicate(timeout=20)
 
-    assert daemon.returncode == 0
-    assert all(line.startswith("<6>{") for line in log.splitlines()), log
-    assert '"event": "stopped"' in log
+    assert daemon.wait() == 0
+    assert all(line.startswith("<6>{") for line in daemon.log.splitlines()), daemon.log
+    assert '"event": "stopped"' in daemon.log
 
 
 def test_a_valid_configuration_takes_effect_and_an_invalid_one_is_refused(
-    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+    daemon: ForkedDaemon, systemd: NotifySocket, tmp_path: Path
 ) -> None:
     config = tmp_path / "car.yaml"
     systemd.next_with("READY")
@@ -94,17 +90,15 @@ def test_a_valid_configuration_takes_effect_and_an_invalid_one_is_refused(
     assert "NEW1" in after("car: {plate: NEW2}\ncan: {interface: socketcan, channel: nosuchcan9}\n")
     assert "NEW3" in after("car: {plate: NEW3}\n")
 
-    daemon.terminate()
-    _, log = daemon.communicate(timeout=20)
-    assert daemon.returncode == 0
-    refused = [line for line in log.splitlines() if line.startswith("<3>")]
+    assert daemon.end() == 0
+    refused = [line for line in daemon.log.splitlines() if line.startswith("<3>")]
     reasons = ("car.plate: is written in", "/nonexistent", "nosuchcan9 cannot be opened")
     for line, reason in zip(refused, reasons, strict=True):
         assert reason in line
 
 
 def test_a_driver_file_that_cannot_be_written_does_not_stop_the_daemon(
-    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+    daemon: ForkedDaemon, systemd: NotifySocket, tmp_path: Path
 ) -> None:
     config, disk = tmp_path / "car.yaml", tmp_path / "disk"
     disk.mkdir()
@@ -119,10 +113,8 @@ def test_a_driver_file_that_cannot_be_written_does_not_stop_the_daemon(
     daemon.send_signal(signal.SIGHUP)
 
     assert "NEW2" in systemd.next_with("READY")["STATUS"]
-    daemon.terminate()
-    _, log = daemon.communicate(timeout=20)
-    assert daemon.returncode == 0
-    assert log.count("driver.json: cannot be written: No such file or directory") == 2
+    assert daemon.end() == 0
+    assert daemon.log.count("driver.json: cannot be written: No such file or directory") == 2
 
 
 SILENT_CAMERA = """
@@ -139,7 +131,7 @@ camera:
 
 
 def test_the_watchdog_is_fed_while_a_new_configuration_waits_for_its_camera(
-    daemon: subprocess.Popen[str], systemd: NotifySocket, tmp_path: Path
+    daemon: ForkedDaemon, systemd: NotifySocket, tmp_path: Path
 ) -> None:
     """It opens in a process of its own, which takes longer than the watchdog's timeout."""
     systemd.next_with("READY")
@@ -190,18 +182,13 @@ def test_a_program_gets_the_events_of_the_daemon(tmp_path: Path) -> None:
     config.write_text(
         f"car: {{plate: OLD1}}\ninterface: {{port: {port}, accepts: [brake_button]}}\n"
     )
-    daemon = subprocess.Popen(
-        [sys.executable, "-m", "onboard", "run", str(config)], stderr=subprocess.PIPE, text=True
-    )
+    daemon = ForkedDaemon(config)
     try:
-        assert daemon.stderr is not None
-        while "interface" not in daemon.stderr.readline():
-            assert daemon.poll() is None
+        wait_until(lambda: '"event": "interface"' in daemon.log)
         with socket.create_connection(("127.0.0.1", port), timeout=20.0) as program:
             program.sendall(b'{"kind": "brake_button"}\n')
             kinds = (json.loads(line)["kind"] for line in program.makefile())
             assert next(kinds) == "interface"
             assert "hard_brake" in kinds
     finally:
-        daemon.terminate()
-        daemon.communicate(timeout=20)
+        daemon.release()

@@ -1,14 +1,13 @@
 """A camera that opens slowly: the vehicle has its other sensors and its radio meanwhile."""
 
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
 
+from tests.forked_daemon import ForkedDaemon
 from tests.recorder.waiting import WITHIN_S
 from tests.runtime.test_failing_disk import free_port
 
@@ -35,14 +34,10 @@ def test_messages_are_sent_before_the_camera_is_open(silent_camera: int, tmp_pat
             "trace": {"file": str(tmp_path / "trace.jsonl")},
         }
         (tmp_path / "car.yaml").write_text(yaml.safe_dump(tree))
-        daemon = subprocess.Popen(
-            [sys.executable, "-m", "onboard", "run", str(tmp_path / "car.yaml")],
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        daemon = ForkedDaemon(tmp_path / "car.yaml")
         assert unit.recv(2048)
-        _, log = daemon.communicate(timeout=WITHIN_S)
+        daemon.wait()
 
     assert daemon.returncode == 2
-    assert "camera.source" in log
+    assert "camera.source" in daemon.log
     assert '"kind":"ready"' not in (tmp_path / "trace.jsonl").read_text("utf-8")

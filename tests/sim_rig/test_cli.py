@@ -12,28 +12,12 @@ from onboard.recorder.build import present_build
 from sim_rig.cli import main
 from sim_rig.scenario.catalogue import scenario_names, scenario_titles
 from sim_rig.scenario.schema import load_scenario
-
-
-class Terminal:
-    """Runs the command line in this process."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self._monkeypatch = monkeypatch
-        self._capsys = capsys
-        monkeypatch.setenv("COLUMNS", "120")
-
-    def run(self, *arguments: str) -> tuple[int, str, str]:
-        """Exit code, standard output, standard error."""
-        self._monkeypatch.setattr(sys, "argv", ["sim-rig", *arguments])
-        with pytest.raises(SystemExit) as end:
-            main()
-        shown = self._capsys.readouterr()
-        return int(end.value.code or 0), shown.out, shown.err
+from tests.terminal import Terminal
 
 
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Terminal:
-    return Terminal(monkeypatch, capsys)
+    return Terminal("sim-rig", main, monkeypatch, capsys)
 
 
 def test_the_module_runs_as_a_program() -> None:

@@ -8,27 +8,40 @@ from pathlib import Path
 import pytest
 
 from onboard.recorder.build import present_build
+from onboard.tools.cli import main
+from tests.terminal import Terminal
 
 
-def onboard(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "onboard", *arguments],
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal("onboard", main, monkeypatch, capsys)
+
+
+def test_the_version_names_commit_and_date(terminal: Terminal) -> None:
+    assert terminal.run("--version").stdout == f"onboard {present_build().name}\n"
+
+
+def test_a_mistake_ends_the_program_with_one_line(tmp_path: Path) -> None:
+    """In a process of its own."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "onboard", "check", str(tmp_path / "car.yaml")],
         capture_output=True,
         text=True,
         check=False,
         timeout=60,
     )
 
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == f"{tmp_path / 'car.yaml'}: cannot be read: No such file or directory\n"
 
-def test_the_version_names_commit_and_date() -> None:
-    assert onboard("--version").stdout == f"onboard {present_build().name}\n"
 
-
-def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> None:
+def test_check_lists_the_sections_of_a_valid_configuration(
+    terminal: Terminal, tmp_path: Path
+) -> None:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: ABC1234}\ngnss: {}\nhmi: {port: 8460}\n")
 
-    result = onboard("check", str(config))
+    result = terminal.run("check", str(config))
 
     assert result.returncode == 0
     assert result.stdout == (
@@ -58,12 +71,12 @@ def test_check_lists_the_sections_of_a_valid_configuration(tmp_path: Path) -> No
     ],
 )
 def test_a_mistake_in_the_configuration_is_one_line(
-    tmp_path: Path, text: str, message: str
+    terminal: Terminal, tmp_path: Path, text: str, message: str
 ) -> None:
     config = tmp_path / "car.yaml"
     config.write_text(text)
 
-    result = onboard("check", str(config))
+    result = terminal.run("check", str(config))
 
     assert result.returncode == 2
     assert message in result.stderr
@@ -80,7 +93,7 @@ def test_a_mistake_in_the_configuration_is_one_line(
     ],
 )
 def test_a_mistake_in_the_dbc_file_is_one_line(
-    tmp_path: Path, dbc: str | None, message: str
+    terminal: Terminal, tmp_path: Path, dbc: str | None, message: str
 ) -> None:
     config = tmp_path / "car.yaml"
     config.write_text(
@@ -89,7 +102,7 @@ def test_a_mistake_in_the_dbc_file_is_one_line(
     if dbc is not None:
         (tmp_path / "a.dbc").write_text(dbc)
 
-    result = onboard("check", str(config))
+    result = terminal.run("check", str(config))
 
     assert result.returncode == 2
     assert f"{tmp_path}/a.dbc: {message}" in result.stderr
@@ -111,24 +124,32 @@ def test_an_edge_that_cannot_be_opened_is_one_line(tmp_path: Path, section: str)
     config = tmp_path / "car.yaml"
     config.write_text(f"car: {{plate: A1}}\n{section}\n")
 
-    result = onboard("run", str(config))
+    result = subprocess.run(
+        [sys.executable, "-m", "onboard", "run", str(config)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
 
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
-def test_a_can_log_without_speeds_says_what_to_configure(tmp_path: Path) -> None:
+def test_a_can_log_without_speeds_says_what_to_configure(
+    terminal: Terminal, tmp_path: Path
+) -> None:
     log = tmp_path / "a.log"
     log.write_text("(1.0) can0 123#0102\n(3.0) can0 123#0102\n", encoding="ascii")
 
-    result = onboard("replay", "--can", str(log))
+    result = terminal.run("replay", "--can", str(log))
 
     assert result.returncode == 0
     assert result.stderr.startswith(f"{log}: holds no answer of OBD-II")
     assert "obd.broadcast" in result.stderr
 
 
-def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
+def test_replay_prints_one_json_object_a_line(terminal: Terminal, tmp_path: Path) -> None:
     log = tmp_path / "drive.log"
     log.write_text(
         "(100.000000) can0 7E8#03410D3C00000000\n"
@@ -136,7 +157,7 @@ def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
         "(100.100000) can0 123#DEADBEEF\n"
     )
 
-    result = onboard("replay", "--can", str(log))
+    result = terminal.run("replay", "--can", str(log))
 
     assert result.returncode == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]
@@ -145,8 +166,8 @@ def test_replay_prints_one_json_object_a_line(tmp_path: Path) -> None:
     assert lines[0]["speed_m_s"] == pytest.approx(60 / 3.6)
 
 
-def test_a_missing_log_is_reported_as_missing() -> None:
-    result = onboard("replay", "--can", "/nonexistent")
+def test_a_missing_log_is_reported_as_missing(terminal: Terminal) -> None:
+    result = terminal.run("replay", "--can", "/nonexistent")
 
     assert result.returncode == 2
     assert result.stderr == "/nonexistent: no such file\n"

@@ -3,8 +3,6 @@
 import asyncio
 import json
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +18,7 @@ from onboard.obd.settings import CanSettings, ObdSettings
 from onboard.security.key_files import write_credentials
 from onboard.security.security_services import SecurityServices
 from onboard.security.settings import PlateDigestSettings, SecuritySettings
+from onboard.tools.cli import main
 from onboard.tools.doctor import camera, can_bus, computer, gnss_receiver, radio
 from onboard.tools.doctor.cli import examine
 from onboard.tools.doctor.finding import SUBJECTS, Finding, FindingLevel, best_levels
@@ -37,6 +36,7 @@ from sim_rig.rendering.scene import CameraRenderer, Scene
 from sim_rig.scenario.schema import load_scenario
 from tests.gnss.test_gpsd import REPORT, free_port
 from tests.security.trial import ALICE, BOB, UTC_S
+from tests.terminal import Ended, Terminal
 
 GOOD, DOUBTFUL, MISSING = FindingLevel.GOOD, FindingLevel.DOUBTFUL, FindingLevel.MISSING
 PATIENCE_S = 0.4
@@ -405,13 +405,13 @@ def test_unsigned_messages_missing_keys_and_the_public_community_key() -> None:
 # ---- the command --------------------------------------------------------------------------------
 
 
-def onboard_doctor(config: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "onboard", "doctor", str(config), "--patience", "0.3", *options],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal("onboard", main, monkeypatch, capsys)
+
+
+def examined(terminal: Terminal, config: Path, *options: str) -> Ended:
+    return terminal.run("doctor", config, "--patience", "0.3", *options)
 
 
 def test_without_any_connection_every_connection_is_reported_as_not_configured() -> None:
@@ -428,12 +428,14 @@ def test_without_any_connection_every_connection_is_reported_as_not_configured()
 
 
 @pytest.mark.long
-def test_the_command_fails_if_something_is_missing_and_gives_advice(tmp_path: Path) -> None:
+def test_the_command_fails_if_something_is_missing_and_gives_advice(
+    terminal: Terminal, tmp_path: Path
+) -> None:
     config = tmp_path / "car.yaml"
     tree = {"car": {"plate": "A1"}, "gnss": {"port": free_port()}, "obd": {}}
     config.write_text(yaml.safe_dump(tree))
 
-    result = onboard_doctor(config)
+    result = examined(terminal, config)
 
     assert result.returncode == 1, result.stderr
     assert "gpsd        missing" in result.stdout
@@ -441,11 +443,13 @@ def test_the_command_fails_if_something_is_missing_and_gives_advice(tmp_path: Pa
     assert "bus         not configured" in result.stdout
 
 
-def test_json_output_and_doubtful_findings_are_no_failure(tmp_path: Path) -> None:
+def test_json_output_and_doubtful_findings_are_no_failure(
+    terminal: Terminal, tmp_path: Path
+) -> None:
     config = tmp_path / "car.yaml"
     config.write_text("car: {plate: A1}\n")
 
-    result = onboard_doctor(config, "--json")
+    result = examined(terminal, config, "--json")
 
     assert result.returncode == 0, result.stderr
     findings = json.loads(result.stdout)

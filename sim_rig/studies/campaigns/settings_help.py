@@ -8,6 +8,9 @@ import inspect
 import textwrap
 from collections.abc import Iterator
 from enum import Enum
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import yaml
@@ -67,9 +70,8 @@ def meanings(schema: type[BaseModel]) -> dict[str, str]:
     for each in reversed(schema.__mro__):
         if not issubclass(each, BaseModel) or not each.__annotations__ or each is BaseModel:
             continue
-        body = ast.parse(textwrap.dedent(inspect.getsource(each))).body[0]
-        assert isinstance(body, ast.ClassDef)  # noqa: S101 (it is the source of a class)
-        for statement, below in zip(body.body, body.body[1:], strict=False):
+        body = _classes_in(inspect.getfile(each))[each.__name__].body
+        for statement, below in pairwise(body):
             match statement, below:
                 case (
                     ast.AnnAssign(target=ast.Name(id=name)),
@@ -79,3 +81,10 @@ def meanings(schema: type[BaseModel]) -> dict[str, str]:
                 case _:
                     pass
     return texts
+
+
+@cache
+def _classes_in(file: str) -> dict[str, ast.ClassDef]:
+    """Return the classes of a file: `inspect.getsource` would parse all of it for each."""
+    tree = ast.parse(Path(file).read_text("utf-8"))
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
