@@ -1,7 +1,7 @@
 """State changes of the warning group, and FCW, of cars in a jam, in virtual time.
 
-The first of fifteen cars goes at up to 5 m/s and stops, again and again. Counted from
-when the group has formed; the reference is how often a car stops.
+The first of thirty cars goes at up to 5 m/s and stops, again and again. Counted from when the
+group has formed; the reference is how often a car stops.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from sim_rig.roads.cars import Array
 from sim_rig.runs.virtual import run_virtual
 from sim_rig.scenario.schema import Scenario
 
-CARS, FORMED_S, COUNTED_S, STEP_S = 15, 10.0, 60.0, 0.1
+CARS, FORMED_S, COUNTED_S, STEP_S = 30, 10.0, 60.0, 0.1
 FIRST_ACCELERATION_M_S2, FIRST_BRAKING_M_S2 = 1.0, 2.0
 WISHED_M_S, COMFORTABLE_M_S2 = 8.0, 2.0
 MODEL = CarFollowing(acceleration_m_s2=1.5)
@@ -72,7 +72,7 @@ def _scenario(speeds_m_s: Array) -> Scenario:
     times_s = [round(number * STEP_S, 3) for number in range(len(speeds_m_s))]
     cars = {
         f"car{number}": {
-            "plate": f"K{LETTERS[number]}{(137 * number + 101) % 1000:03d}{LETTERS[-number]}T",
+            "plate": f"K{_letter(number)}{(137 * number + 101) % 1000:03d}{_letter(-number)}T",
             "start_m": 1000.0 - (LENGTH_M + MODEL.standing_gap_m) * number,
             "speed_m_s": list(zip(times_s, speeds_m_s[:, number].tolist(), strict=True)),
         }
@@ -87,3 +87,7 @@ def _scenario(speeds_m_s: Array) -> Scenario:
         "expect": [],
     }
     return parse_settings(tree, Scenario, __name__)
+
+
+def _letter(number: int) -> str:
+    return LETTERS[number % len(LETTERS)]
