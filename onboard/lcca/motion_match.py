@@ -166,30 +166,33 @@ class _Vehicle:
     """For each delay; empty before the first sample, as the next two."""
     ahead: list[_Explanation] = field(default_factory=list)
     behind: list[_Explanation] = field(default_factory=list)
+    log_ratio: float = 0.0
+    """Evidence that it is the lead, with all delays as likely."""
+    in_row_log_ratio: float = 0.0
+    """Evidence that it is another vehicle of the row."""
     decline: float = 0.0
     """Evidence against the vehicle since it was last at its highest; not above 0."""
-
-    @property
-    def log_ratio(self) -> float:
-        """Evidence that it is the lead, with all delays as likely."""
-        return _evidence(self.as_lead)
-
-    @property
-    def in_row_log_ratio(self) -> float:
-        """Evidence that it is another vehicle of the row."""
-        return _evidence([*self.ahead, *self.behind])
 
     def restart(self) -> None:
         """Drop all evidence, not the speeds."""
         for each in (self.sampled, self.as_lead, self.ahead, self.behind):
             each.clear()
-        self.decline = 0.0
+        self.log_ratio = self.in_row_log_ratio = self.decline = 0.0
+
+    def weigh(self) -> None:
+        """Take the evidence of what the explanations have become."""
+        self.log_ratio = _evidence(self.as_lead)
+        self.in_row_log_ratio = _evidence([*self.ahead, *self.behind])
 
     def bound(self) -> None:
         """Keep the sums within their bounds, and their differences below the upper one."""
+        self.weigh()
         excess = max(0.0, max(self.log_ratio, self.in_row_log_ratio) - MAX_EVIDENCE)
-        for each in (*self.as_lead, *self.ahead, *self.behind):
-            each.evidence = max(each.evidence - excess, MIN_EVIDENCE)
+        explanations = [*self.as_lead, *self.ahead, *self.behind]
+        if excess or any(each.evidence < MIN_EVIDENCE for each in explanations):
+            for each in explanations:
+                each.evidence = max(each.evidence - excess, MIN_EVIDENCE)
+            self.weigh()
 
 
 class MotionMatch:
@@ -273,6 +276,7 @@ class MotionMatch:
             for each in vehicle.as_lead:
                 each.evidence = vehicle.decline
             vehicle.decline = 0.0
+            vehicle.weigh()
 
     def is_on_air(self, name: bytes) -> bool:
         """Whether the vehicle has sent its speed lately."""
@@ -306,7 +310,7 @@ class MotionMatch:
         vehicle.sampled.append(speed_at(vehicle.speeds, now))
         for delay_s, each in zip(DELAYS_S, vehicle.as_lead, strict=True):
             _explain(each, latest, speed_at(vehicle.speeds, now - delay_s))
-        after = vehicle.log_ratio
+        after = _evidence(vehicle.as_lead)
         vehicle.decline = min(0.0, vehicle.decline + after - before)
         if after > ELSEWHERE:
             self._compare_in_row(vehicle)
@@ -340,6 +344,7 @@ def _begin(vehicle: _Vehicle, sample: _Sample, own_speed_m_s: float, now: float)
     vehicle.ahead = [(close if is_close else loose).copy() for _, is_close in AHEAD_SAMPLES]
     vehicle.behind = [(close if is_close else loose).copy() for _, is_close in BEHIND_SAMPLES]
     vehicle.sampled.append(on_air_m_s)
+    vehicle.weigh()
 
 
 def _explain(explanation: _Explanation, sample: _Sample, on_air_m_s: float | None) -> None:
@@ -362,7 +367,7 @@ def speed_at(
     last_s, last_m_s = speeds[-1]
     if at_s >= last_s:
         return last_m_s if at_s - last_s < hold_s else None
-    for (before_s, before_m_s), (after_s, after_m_s) in pairwise(speeds):
+    for (after_s, after_m_s), (before_s, before_m_s) in pairwise(reversed(speeds)):
         if before_s <= at_s < after_s:
             share = (at_s - before_s) / (after_s - before_s)
             return before_m_s + share * (after_m_s - before_m_s)
