@@ -126,12 +126,12 @@ def run_and_report(
         f"{scenario.duration_s:g} s in {took_s:.1f} s, seed {seed}; traces,"
         f" recordings and picture in {folder}"
     )
-    judged = verdict(scenario, log, _busy() if prepared is not log else None)
+    judged = verdict(scenario, log, busy() if prepared is not log else None)
     print_verdict(judged, len(scenario.expect), console)
     return log, judged.outcome
 
 
-def _busy() -> str | None:
+def busy() -> str | None:
     """Why a live run on this machine proves no failure; `None` if it had the time it needed."""
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load <= cores:

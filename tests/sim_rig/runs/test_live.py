@@ -14,8 +14,9 @@ import pytest
 
 from sim_rig.processes.gpsd import gpsd_program
 from sim_rig.processes.processes import ProcessError, Processes
-from sim_rig.reporting.report import failures
+from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.run_log import RunLog
+from sim_rig.runs.command import busy
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -44,7 +45,8 @@ def run_live(scenario: Scenario, folder: Path) -> RunLog:
 def test_real_daemons_meet_all_expectations(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
 
-    assert failures(scenario, run_live(scenario, tmp_path)) == []
+    found = verdict(scenario, run_live(scenario, tmp_path), busy())
+    assert found.outcome is Outcome.PASSED, found
 
 
 @pytest.mark.live
@@ -54,7 +56,8 @@ def test_real_daemons_meet_the_expectations_of_all_other_scenarios(
 ) -> None:
     scenario = live_scenario(name)
 
-    assert failures(scenario, run_live(scenario, tmp_path)) == []
+    found = verdict(scenario, run_live(scenario, tmp_path), busy())
+    assert found.outcome is Outcome.PASSED, found
 
 
 @pytest.mark.long
