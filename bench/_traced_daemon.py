@@ -26,6 +26,8 @@ from onboard.runtime.daemon import Daemon
 from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.service import Service
 from onboard.security.security_services import SecurityServices
+from onboard.settings import load_settings
+from onboard.vehicle.config import CarConfig
 from onboard.vision.seen import Seen
 from onboard.wave_udp.iwcu import IwcuEndpoint
 
@@ -54,7 +56,7 @@ def main() -> None:
     _note_shown()
     if given.no_camera:
         wires.CameraProcess = _NoCamera  # type: ignore[attr-defined, assignment]
-    asyncio.run(Service(given.config).run())
+    asyncio.run(Service(given.config, load_settings(given.config, CarConfig)).run())
     given.out.write_text("".join(json.dumps(row) + "\n" for row in _rows), encoding="utf-8")
 
 

@@ -33,6 +33,7 @@ from onboard.security.key_files import read_own_credentials
 from onboard.step import BrakeButton, Input, ProgramMessage, ReceivedWsm, SentWsm
 from onboard.trace.file_failure import FileUse
 from onboard.vehicle.config import CarConfig
+from onboard.vision.camera_process import CameraWorker
 from onboard.wave_udp.capture import OTHER_MAC, OWN_MAC
 from onboard.wave_udp.receive_queue import ReceiveQueue
 from onboard.wave_udp.receive_turns import ReceiveTurns
@@ -59,8 +60,15 @@ class Ready:
 class Daemon:
     """One vehicle: its cores, its wires and the clock."""
 
-    def __init__(self, config: CarConfig, manager: Systemd) -> None:
-        """Make the cores; no wire is opened yet. `manager` gets the state of the service.
+    def __init__(
+        self, config: CarConfig, manager: Systemd, camera_worker: CameraWorker | None = None
+    ) -> None:
+        """Make the cores; no wire is opened yet.
+
+        Args:
+            config: of the vehicle.
+            manager: gets the state of the service.
+            camera_worker: a process for a live camera, if one has been started.
 
         Raises:
             UserError: its keys or its DBC file cannot be read.
@@ -71,7 +79,7 @@ class Daemon:
         self._sinks = OutputSinks()
         self._driver_file = DriverFile(config.access.driver_file, DEFAULT_POPULATION)
         self._driver = self._driver_file.driver
-        self._wires = Wires(config, self._take, self._take_wsm, self._sinks.show)
+        self._wires = Wires(config, self._take, self._take_wsm, self._sinks.show, camera_worker)
         self._stack = recorded_stack(
             self._wires.black_box,
             InitialState(

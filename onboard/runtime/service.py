@@ -18,6 +18,7 @@ from onboard.runtime.daemon import Daemon
 from onboard.runtime.systemd import Systemd
 from onboard.settings import load_settings
 from onboard.vehicle.config import CarConfig
+from onboard.vision.camera_process import CameraWorker
 
 log = structlog.get_logger()
 
@@ -25,9 +26,19 @@ log = structlog.get_logger()
 class Service:
     """Runs one daemon after the other, each with its configuration."""
 
-    def __init__(self, file: Path) -> None:
-        """Store the path of the configuration, which `run` reads."""
+    def __init__(
+        self, file: Path, config: CarConfig, camera_worker: CameraWorker | None = None
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            file: has the configuration; it is read again when the service reloads.
+            config: read from it.
+            camera_worker: a process for its live camera, if one has been started.
+        """
         self._file = file
+        self._config = config
+        self._camera_worker = camera_worker
         self._manager = Systemd(os.environ)
         self._signals: asyncio.Queue[signal.Signals] = asyncio.Queue()
 
@@ -35,14 +46,13 @@ class Service:
         """Run until SIGINT or SIGTERM.
 
         Raises:
-            UserError: the first configuration is invalid, or one of its edges cannot be opened.
+            UserError: an edge of the first configuration cannot be opened.
         """
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._signals.put_nowait, number)
-        config = self._read()
         proven: CarConfig | None = None
-        daemon: Daemon | None = Daemon(config, self._manager)
+        daemon: Daemon | None = Daemon(self._config, self._manager, self._camera_worker)
         while daemon is not None:
             try:
                 successor = await daemon.run(partial(self._until_signal, daemon))
@@ -62,7 +72,7 @@ class Service:
             self._manager.reloading()
             running.save_driver()  # The next daemon reads it.
             try:
-                successor = Daemon(self._read(), self._manager)
+                successor = Daemon(load_settings(self._file, CarConfig), self._manager)
             except UserError as error:
                 self._refuse(error)
                 self._manager.ready("configuration refused, continuing with the previous one")
@@ -71,9 +81,6 @@ class Service:
                 return successor
         self._manager.stopping()
         return None
-
-    def _read(self) -> CarConfig:
-        return load_settings(self._file, CarConfig)
 
     def _refuse(self, error: UserError) -> None:
         log.error("configuration refused", reason=str(error))

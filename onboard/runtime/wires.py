@@ -22,7 +22,7 @@ from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.radio_loss import RadioLoss
 from onboard.step import Input, SentWsm, StepOutputs
 from onboard.vehicle.config import CarConfig
-from onboard.vision.camera_process import CameraProcess, CameraWork
+from onboard.vision.camera_process import CameraProcess, CameraWork, CameraWorker
 from onboard.vision.seen import PictureRate, Seen
 from onboard.wave_udp.endpoint import open_endpoint
 
@@ -42,6 +42,7 @@ class Wires:
         take: Callable[[Item], None],
         take_wsm: Callable[[bytes], None],
         show: Callable[[RecorderState], None],
+        camera_worker: CameraWorker | None = None,
     ) -> None:
         """Open nothing yet. The callbacks are called from the loop.
 
@@ -50,6 +51,7 @@ class Wires:
             take: gets what the wires deliver, and which of them are lost.
             take_wsm: gets each frame of the radio.
             show: gets the recorder's state when it changes.
+            camera_worker: a process for a live camera.
 
         Raises:
             UserError: the DBC file of the requests to brake cannot be read.
@@ -58,6 +60,7 @@ class Wires:
         self._take = take
         self._take_wsm = take_wsm
         self._show = show
+        self._camera_worker = camera_worker
         self.black_box = (
             BlackBox(config.recorder, self._on_recorder_state) if config.recorder else None
         )
@@ -165,7 +168,7 @@ class Wires:
             from onboard.vision.recorded_camera import recorded_camera  # noqa: PLC0415 (see above)
 
             return recorded_camera(work, on_seen)
-        camera = CameraProcess(work, on_seen)
+        camera = CameraProcess(work, on_seen, self._camera_worker)
         camera.spawn()
         return camera
 

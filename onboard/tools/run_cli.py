@@ -2,6 +2,7 @@
 
 import asyncio
 import faulthandler
+import gc
 import logging
 import os
 import sys
@@ -12,7 +13,9 @@ from typing import Annotated
 import structlog
 import typer
 
-from onboard.runtime.service import Service
+from onboard.settings import load_settings
+from onboard.vehicle.config import CarConfig
+from onboard.vision.camera_process import CameraWorker
 
 PRIORITIES = {"critical": 2, "error": 3, "warning": 4, "info": 6, "debug": 7}
 """Severities of syslog (RFC 5424, table 2), by structlog's names."""
@@ -40,12 +43,22 @@ _FOR_READERS = (
 
 
 def run(
-    config: Annotated[Path, typer.Argument(help="The car's configuration, a YAML file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="The car's configuration, a YAML file.")
+    ],
 ) -> None:
     """Run the daemon until it is stopped. SIGHUP reloads its configuration."""
     faulthandler.enable()  # A watchdog's SIGABRT then logs where it hung.
     _configure_log()
-    asyncio.run(Service(config).run())
+    config = load_settings(file, CarConfig)
+    has_live_camera = config.camera is not None and config.camera.is_live
+    worker = CameraWorker() if has_live_camera else None
+    gc.disable()  # what is imported stays
+    # For a second or two, in which the camera's process imports as well.
+    from onboard.runtime.service import Service  # noqa: PLC0415
+
+    gc.enable()
+    asyncio.run(Service(file, config, worker).run())
 
 
 def _configure_log() -> None:

@@ -47,13 +47,24 @@ class CameraWork:
 class CameraProcess:
     """A process that sees, and a thread that receives what it has seen."""
 
-    def __init__(self, work: CameraWork, on_seen: Callable[[Seen], None]) -> None:
-        """Start nothing yet; `on_seen` is called from the thread."""
+    def __init__(
+        self,
+        work: CameraWork,
+        on_seen: Callable[[Seen], None],
+        worker: "CameraWorker | None" = None,
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            work: what the process is given.
+            on_seen: is called from the thread.
+            worker: a process without work, for its first start.
+        """
         self._work = work
         self._on_seen = on_seen
         self._closed = threading.Event()
         self._restarting = threading.Lock()
-        self._worker: _Worker | None = None
+        self._worker = worker
         self._is_lost = False
         self._curvature: Curvature | None = None
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
@@ -63,8 +74,10 @@ class CameraProcess:
         self._curvature = curvature
 
     def spawn(self) -> None:
-        """Start the process, which opens the camera while the caller goes on."""
-        self._worker = _Worker(self._work)
+        """Let the process open the camera while the caller goes on."""
+        if self._worker is None:
+            self._worker = CameraWorker()
+        self._worker.send(self._work)
 
     def start(self) -> None:
         """Wait until the camera is open, and start the thread.
@@ -117,9 +130,11 @@ class CameraProcess:
             self._is_lost = True
             self._on_seen(Seen((SensorLost(time.monotonic(), Sensor.CAMERA, None, why),)))
 
-    def _restarted(self) -> "_Worker | None":
+    def _restarted(self) -> "CameraWorker | None":
         with self._restarting:
-            self._worker = None if self._closed.is_set() else _Worker(self._work)
+            self._worker = None
+            if not self._closed.is_set():
+                self.spawn()
             return self._worker
 
 
@@ -127,10 +142,11 @@ class _WorkerEndedError(Exception):
     """The process has ended or must be ended; the text says why."""
 
 
-class _Worker:
-    """One process, and the socket to it."""
+class CameraWorker:
+    """One process, and the socket to it; the process ends with the socket."""
 
-    def __init__(self, work: CameraWork) -> None:
+    def __init__(self) -> None:
+        """Start the process, which imports for a second, and then waits for its work."""
         own, given = socket.socketpair()
         # Also within a message: a stopped process may have sent half of one.
         own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(SILENT_S))
@@ -142,7 +158,6 @@ class _Worker:
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
             )
         self._connection = Connection(own.detach())
-        self.send(work)
 
     def send(self, message: CameraWork | Curvature | None) -> None:
         """Send what the process is given: first its work, then one curvature for each answer."""

@@ -44,8 +44,8 @@ def main() -> None:
         Path("/proc/self/oom_score_adj").write_text(str(OOM_SCORE), "ascii")
     cv2.setNumThreads(1)  # leaves the other cores to the rest
     connection = Connection(int(sys.argv[1]))
-    work: CameraWork = connection.recv()
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        work: CameraWork = connection.recv()
         try:
             _work(work, connection)
         except UserError as error:
