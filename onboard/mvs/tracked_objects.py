@@ -15,7 +15,7 @@ def without_radio(tracks: Iterable[Track]) -> list[Track]:
 def as_tracked_objects(
     now: float, now_ms: int, tracks: Sequence[Track], q: float
 ) -> list[PerceivedObject]:
-    """Return tracks as objects, predicted to `now`.
+    """Return tracks as objects, each fused with its duplicates, and predicted to `now`.
 
     Args:
         now: the time.
@@ -23,10 +23,8 @@ def as_tracked_objects(
         tracks: of vehicles.
         q: spectral density of the acceleration noise, m^2/s^3.
     """
-    states, covariances = propagate([track.estimate for track in tracks], now_ms, q)
-    common_m2 = [track.common_variance_m2 for track in tracks]
-    covariances[0, 0] += common_m2
-    covariances[1, 1] += common_m2
+    estimates = [track.placed for track in tracks]
+    states, covariances = propagate(estimates, now_ms, q)
     return [
         PerceivedObject(
             stamp_s=now,
@@ -34,13 +32,17 @@ def as_tracked_objects(
             source=ObjectSource.SENSOR if track.is_sensed else ObjectSource.SHARED,
             state=tuple(state),
             covariance=tuple(map(tuple, covariance)),
-            age_s=(now_ms - track.estimate.stamp_ms) / 1000,
-            provenance=track.estimate.provenance,
+            age_s=(now_ms - estimate.stamp_ms) / 1000,
+            provenance=estimate.provenance,
             tracked_for_s=(now_ms - track.first_ms) / 1000,
             is_sensed=track.is_sensed,
-            reporters=track.reporters,
+            reporters=track.reporters.union(*[each.reporters for each in track.duplicates]),
         )
-        for track, state, covariance in zip(
-            tracks, states.T.tolist(), covariances.transpose(2, 0, 1).tolist(), strict=True
+        for track, estimate, state, covariance in zip(
+            tracks,
+            estimates,
+            states.T.tolist(),
+            covariances.transpose(2, 0, 1).tolist(),
+            strict=True,
         )
     ]

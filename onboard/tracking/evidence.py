@@ -115,6 +115,12 @@ class Estimate:
         state, covariance = map_state(self.state, self.covariance, turn, shift)
         return type(self)(self.provenance, state, covariance, self.stamp_ms, self.oldest_ms)
 
+    def with_position_variance(self, added_m2: float) -> Self:
+        """Return the estimate with more variance of its position, on either axis."""
+        covariance = self.covariance.copy()
+        covariance[[0, 1], [0, 1]] += added_m2
+        return type(self)(self.provenance, self.state, covariance, self.stamp_ms, self.oldest_ms)
+
 
 Evidence = Measurement | Estimate
 """An ME of the paper."""

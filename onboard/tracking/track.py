@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 from onboard.tracking.evidence import (
+    Estimate,
     Evidence,
     Measurement,
     MeasurementId,
@@ -59,9 +60,20 @@ class Track:
         """Whether there was evidence of enough different times; before, it is tentative."""
         self.is_reported = False
         """Whether it is confirmed, certain enough, and no duplicate of another reported track."""
+        self.duplicates: list[Track] = []
+        """Other tracks of the same vehicle; what is reported is fused from the evidence of all."""
+        self.fused_with_duplicates: Estimate | None = None
+        """With all variance of its position; `None` without duplicates."""
         self.remote_vehicle_id: bytes | None = None
         """Temporary ID of the vehicle with a radio that the track was matched with."""
         self.remote_vehicle_until_ms = 0
+
+    @property
+    def placed(self) -> Estimate:
+        """What is reported: its estimate with all variance of the position."""
+        if self.fused_with_duplicates is not None:
+            return self.fused_with_duplicates
+        return self.estimate.with_position_variance(self.common_variance_m2)
 
     @property
     def reporters(self) -> frozenset[bytes]:

@@ -91,23 +91,40 @@ def choose_reported(
     """Report each vehicle once: of possible duplicates the sensed track, else the more certain.
 
     So an attacker cannot hide a vehicle that the own sensors measure. A track that is not reported
-    does not suppress its own duplicates.
+    does not suppress its own duplicates. Where all possible duplicates of a track are so of each
+    other, and of no further track, they are taken for one vehicle that several observers place
+    differently, unless own sensors measure it: they know best where it is from here.
 
     Args:
-        tracks: N of them; `is_reported` of each is set.
+        tracks: N of them; `is_reported` and `duplicates` of each are set.
         kept: indices of those that were not merged into another.
         duplicates: of each track, as `merge_tracks` returns them.
         variances: (N) of position, summed over both axes, m^2.
     """
     reported: set[int] = set()
+    there = set(kept)
     for at in sorted(kept, key=lambda at: (not tracks[at].is_sensed, variances[at])):
         track = tracks[at]
         certain = variances[at] <= MAX_REPORTED_SIGMA_M**2
         track.is_reported = bool(
             track.is_confirmed and certain and reported.isdisjoint(duplicates[at])
         )
+        track.duplicates = []
         if track.is_reported:
             reported.add(at)
+            alike = {at} | (duplicates[at] & there)
+            others = [tracks[one] for one in sorted(alike - {at})]
+            are_one = all({one} | (duplicates[one] & there) == alike for one in alike)
+            if are_one and _may_be_fused([track, *others]):
+                track.duplicates = others
+
+
+def _may_be_fused(tracks: Sequence[Track]) -> bool:
+    """Whether no measurement is in two, none has a radio, and own sensors measure none."""
+    if any(track.is_sensed or track.remote_vehicle_id is not None for track in tracks):
+        return False
+    provenances = [track.estimate.provenance for track in tracks]
+    return len(frozenset().union(*provenances)) == sum(map(len, provenances))
 
 
 def distances_m(some: Array, others: Array) -> Array:

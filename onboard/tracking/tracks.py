@@ -32,7 +32,7 @@ from onboard.tracking.evidence_store import (
     Label,
     StoredEvidence,
 )
-from onboard.tracking.fusion import fuse_chosen
+from onboard.tracking.fusion import fuse, fuse_chosen
 from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gates, with_speed_prior
 from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
@@ -183,6 +183,8 @@ class Tracks:
         self._cached_states = None
         self._merge(now_ms)
         yield
+        self._fuse_duplicates(observer_sigma_m)
+        yield
         self._by_label = {label: track for track in self._tracks for label in track.labels}
         yield
         self._compact_store()
@@ -249,6 +251,8 @@ class Tracks:
         self._store.change_frame(turn, shift)
         for track in self._tracks:
             track.estimate = track.estimate.mapped(turn, shift)
+            if track.fused_with_duplicates is not None:
+                track.fused_with_duplicates = track.fused_with_duplicates.mapped(turn, shift)
         self._cached_states = None
 
     def _assign_labelled(
@@ -381,6 +385,22 @@ class Tracks:
         if merged:
             self._tracks = [self._tracks[at] for at in kept]
             self._cached_states = states[kept]
+
+    def _fuse_duplicates(self, observer_sigma_m: ObserverSigma) -> None:
+        """Fuse each reported track with its duplicates, as if they were merged."""
+        with_others = []
+        for track in self._tracks:
+            track.fused_with_duplicates = None
+            if track.duplicates:
+                with_others.append(track)
+        evidence = [
+            [piece for one in (track, *track.duplicates) for piece in one.used]
+            for track in with_others
+        ]
+        fused = fuse(evidence, self._parameters.acceleration_density)
+        for track, estimate in zip(with_others, fused, strict=True):
+            common_m2 = common_variance_m2(estimate.provenance, observer_sigma_m)
+            track.fused_with_duplicates = estimate.with_position_variance(common_m2)
 
     def _states(self) -> StateArrays:
         """The estimates of all tracks with a speed prior, as evidence is compared with them."""

@@ -1,7 +1,9 @@
 """Which track evidence goes to: by its sender's number first, by position where that is certain."""
 
 import numpy as np
+import pytest
 
+from onboard.mvs.tracked_objects import as_tracked_objects, without_radio
 from onboard.tracking.evidence import (
     Estimate,
     Evidence,
@@ -12,6 +14,7 @@ from onboard.tracking.evidence import (
     observer_of,
 )
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
+from onboard.tracking.perceived_object import PerceivedObject
 from onboard.tracking.tracks import TrackingParameters, Tracks
 
 A, B = b"aaaa", b"bbbb"
@@ -159,6 +162,43 @@ def test_a_duplicate_that_is_not_reported_hides_no_other_track() -> None:
             receive(tracks, sender, {1: evidence}, now_ms)
 
     assert [track.is_reported for track in tracks] == [True, False, True]
+
+
+def placed_by(*seen: tuple[bytes, float, float]) -> PerceivedObject:
+    """What is reported of one vehicle that each sender places elsewhere, by x and sigma in m."""
+    tracks = Tracks()
+    for k in range(4):
+        now_ms = 1000 + 100 * k
+        for sender, x_m, sigma_m in seen:
+            evidence = estimated(x_m, 0, now_ms, by=sender or A, sigma_m=sigma_m)
+            receive(tracks, sender, {1: evidence}, now_ms)
+    (reported,) = as_tracked_objects(1.3, 1300, without_radio(tracks), 2.0)
+    return reported
+
+
+def test_a_vehicle_that_two_observers_place_differently_is_reported_between_both() -> None:
+    reported = placed_by((A, 0.0, 0.7), (B, 2.0, 0.7))
+
+    assert reported.state[0] == pytest.approx(1.0, abs=0.1)
+    assert reported.reporters == {A, B}
+    assert {observer_of(each) for each in reported.provenance} == {A, B}
+
+
+def test_what_others_report_does_not_move_what_own_sensors_measure() -> None:
+    assert placed_by((OWN, 0.0, 0.8), (B, 2.0, 0.5)).state[0] == 0.0
+
+
+def test_a_track_that_may_be_either_of_two_vehicles_moves_neither() -> None:
+    """A sees two vehicles side by side, B one of them."""
+    tracks = Tracks()
+    for k in range(4):
+        now_ms = 1000 + 100 * k
+        seen = {at: estimated(0, 4.0 * at, now_ms, sigma_m=0.5) for at in range(2)}
+        receive(tracks, A, dict(seen), now_ms)
+        receive(tracks, B, {1: estimated(0, 2.0, now_ms, by=B, sigma_m=0.9)}, now_ms)
+
+    reported = as_tracked_objects(1.3, 1300, without_radio(tracks), 2.0)
+    assert [each.state[1] for each in reported] == [0.0, 4.0]
 
 
 def test_evidence_that_repeats_used_measurements_is_not_used() -> None:
