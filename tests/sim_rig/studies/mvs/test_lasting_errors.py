@@ -13,6 +13,7 @@ def test_the_covariances_have_the_errors_that_last(observers: int) -> None:
 
     assert 2.5 < found.reported.mean_nees < 5.0
     assert found.central.mean_nees > 10.0
+    assert found.reported.position_rmse_m < 1.1 * found.central.position_rmse_m
     assert found.ghosts <= 1
 
 
