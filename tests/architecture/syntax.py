@@ -1,7 +1,8 @@
 """What the tests of this package read from the syntax trees of Python files, each parsed once."""
 
 import ast
-from collections.abc import Iterator
+import re
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -12,14 +13,17 @@ CHANGING = frozenset({
     "popleft", "put", "put_out", "remove", "setdefault", "update",
 })  # fmt: skip
 """Methods that change what they belong to."""
-
-
-class Function(NamedTuple):
-    """One function or method."""
-
-    name: str
-    changes: bool
-    """Whether it changes the object that it is a method of, or an element of anything."""
+QUESTION = re.compile(r"_?(is|has|can|may|permits)(_|$)")
+NAME_IN: Mapping[type[ast.AST], str] = {
+    ast.Name: "id",
+    ast.Attribute: "attr",
+    ast.arg: "arg",
+    ast.FunctionDef: "name",
+    ast.AsyncFunctionDef: "name",
+    ast.ClassDef: "name",
+    ast.keyword: "arg",
+}
+"""Attribute with an identifier, by kind of node."""
 
 
 class Syntax(NamedTuple):
@@ -29,7 +33,11 @@ class Syntax(NamedTuple):
     """Dotted names of modules, those imported inside functions as well."""
     classes: tuple[str, ...]
     """Those of the module's first level."""
-    functions: tuple[Function, ...]
+    functions: frozenset[str]
+    """Names of functions and methods."""
+    changing_questions: tuple[str, ...]
+    """Those named as a question which change what they are a method of, or an element of anything.
+    """
     names: frozenset[str]
     """All identifiers."""
 
@@ -44,26 +52,30 @@ def syntax_of(path: Path) -> Syntax:
     """Return what a file imports, defines and names."""
     tree = ast.parse(path.read_text("utf-8"))
     nodes = list(ast.walk(tree))
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
+    named = {getattr(node, NAME_IN[type(node)]) for node in nodes if type(node) in NAME_IN}
     return Syntax(
         imports=tuple(module for node in nodes for module in _imported(node)),
         classes=tuple(node.name for node in tree.body if isinstance(node, ast.ClassDef)),
-        functions=tuple(
-            Function(node.name, any(map(_changes, ast.walk(node))))
-            for node in nodes
-            if isinstance(node, ast.FunctionDef)
+        functions=frozenset(each.name for each in functions),
+        changing_questions=tuple(
+            each.name
+            for each in functions
+            if QUESTION.match(each.name) and any(map(_changes, ast.walk(each)))
         ),
-        names=frozenset(name for node in nodes for name in _named(node)),
+        names=frozenset(named - {None}),
     )
 
 
-def _imported(node: ast.AST) -> Iterator[str]:
+def _imported(node: ast.AST) -> Sequence[str]:
     if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
-    elif isinstance(node, ast.ImportFrom) and node.module is not None:
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and node.module is not None:
         if "." in node.module:
-            yield node.module
-        else:  # `from onboard import psid` imports a module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            return [node.module]
+        # `from onboard import psid` imports a module
+        return [f"{node.module}.{alias.name}" for alias in node.names]
+    return ()
 
 
 def _changes(node: ast.AST) -> bool:
@@ -82,13 +94,3 @@ def _is_own(node: ast.expr) -> bool:
     while isinstance(node, ast.Attribute | ast.Subscript):
         node = node.value
     return isinstance(node, ast.Name) and node.id == "self"
-
-
-def _named(node: ast.AST) -> Iterator[str]:
-    match node:
-        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name):
-            yield name
-        case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
-            yield name
-        case ast.ClassDef(name=name) | ast.keyword(arg=str(name)):
-            yield name

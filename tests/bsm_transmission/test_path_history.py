@@ -52,16 +52,14 @@ def straight(length_m: float) -> NDArray[np.float64]:
 
 def off_the_line_m(way_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> float:
     """How far the way strays at most from the line through the points, where it reaches."""
-    worst = 0.0
     first = int(np.argmin(np.linalg.norm(way_m - points_m[-1], axis=1)))
-    for place in way_m[first:]:
-        distances = []
-        for one, other in pairwise(points_m):
-            along = other - one
-            share = np.clip((place - one) @ along / (along @ along), 0.0, 1.0)
-            distances.append(float(np.linalg.norm(place - one - share * along)))
-        worst = max(worst, min(distances))
-    return worst
+    nearest_m = np.full(len(way_m) - first, np.inf)
+    for one, other in pairwise(points_m):
+        along, places = other - one, way_m[first:] - one
+        share = np.clip(places @ along / (along @ along), 0.0, 1.0)
+        off_m = np.linalg.norm(places - share[:, None] * along, axis=1)
+        nearest_m = np.minimum(nearest_m, off_m)
+    return float(nearest_m.max())
 
 
 def test_a_car_that_has_not_moved_has_no_history() -> None:

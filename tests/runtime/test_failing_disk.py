@@ -67,7 +67,12 @@ MOUNTS = {
 }
 
 
-@pytest.fixture(params=MOUNTS)
+@pytest.fixture(
+    params=[
+        pytest.param(each, marks=pytest.mark.long) if each == "read-only" else each
+        for each in MOUNTS
+    ]
+)
 def daemon(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Daemon]:
     disk, mount = tmp_path / "disk", MOUNTS[request.param]
     if mount is None:

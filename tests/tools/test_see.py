@@ -309,7 +309,7 @@ def test_a_full_disk_is_an_error(drive: Path) -> None:
         run(drive / "pictures", *options(drive), "--csv", "/dev/full")
 
 
-@pytest.mark.parametrize("name", ["seen.mp4", "seen.webm"])
+@pytest.mark.parametrize("name", ["seen.webm", pytest.param("seen.mp4", marks=pytest.mark.long)])
 def test_a_video_on_a_full_disk_is_an_error(drive: Path, tmp_path: Path, name: str) -> None:
     """A limit of the size of files, which the kernel enforces as a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
