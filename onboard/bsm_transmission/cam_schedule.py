@@ -94,7 +94,7 @@ class CamSchedule(DueTime):
 
     def take_due(self, now: float) -> bool:
         """Return whether a CAM is to be sent now; it then counts as sent."""
-        if now < self._due_at:
+        if not self.is_due(now):
             return False
         self._due_at = now + MINIMUM_INTERVAL_S
         motion, elapsed_s = self._motion(now), now - self._sent_at + _ROUNDING_S

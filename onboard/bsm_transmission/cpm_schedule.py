@@ -17,7 +17,7 @@ class CpmSchedule(DueTime):
 
     def take_due(self, now: float) -> bool:
         """Return whether it has come; the next follows after `MINIMUM_INTERVAL_S`."""
-        if now < self._due_at:
+        if not self.is_due(now):
             return False
         self._due_at = now + MINIMUM_INTERVAL_S
         return True

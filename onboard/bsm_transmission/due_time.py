@@ -40,6 +40,10 @@ class DueTime(Core):
         if not self._is_critical:
             self._due_at = max(self._due_at, at)
 
+    def is_due(self, now: float) -> bool:
+        """Whether it has come."""
+        return self._due_at <= now
+
     @override
     def get_timer(self) -> float:
         """Return when the next message is due."""

@@ -114,7 +114,7 @@ class BsmSchedule(DueTime):
 
     def take_due(self, now: float) -> bool:
         """Return whether a BSM is to be sent now; it then counts as sent."""
-        if now < self._due_at:
+        if not self.is_due(now):
             return False
         self._sent_at = now
         interval_s = MINIMUM_INTERVAL_S if self._is_critical else self.interval_s

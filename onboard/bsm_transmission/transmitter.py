@@ -177,6 +177,10 @@ class BsmTransmitter(Core):
         self._schedule.receive_event_flags(bool(self._event_flags(now)), now)
         self._schedule.handle_timer(now)
 
+    def is_due(self, now: float) -> bool:
+        """Whether `take_due` is to be asked."""
+        return self._schedule.is_due(now)
+
     def take_due(self, now: float) -> bool:
         """Return whether a BSM is to be sent now; `bsm` composes it."""
         return self._schedule.take_due(now)

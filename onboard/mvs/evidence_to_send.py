@@ -1,6 +1,6 @@
 """Which evidence of its tracks a vehicle broadcasts, in footers, in CPMs and in SDSMs."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from onboard.tracking.evidence import Evidence, Measurement, observer_of, stamp_
 from onboard.tracking.evidence_store import EvidenceView, StoredEvidence
 from onboard.tracking.fusion import fuse
 from onboard.tracking.independent_set import independent, up_to
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 
 SHARED_SPAN_S = 0.5
@@ -52,8 +53,8 @@ class EvidenceToSend:
 
     def of_footer(
         self, tracks: Sequence[Track], now_ms: int, own_ids: Collection[bytes]
-    ) -> list[tuple[Track, Evidence]]:
-        """Select what the footer has, of one track one piece.
+    ) -> Generator[None, None, list[tuple[Track, Evidence]]]:
+        """Select in slices what the footer has, of one track one piece.
 
         Args:
             tracks: of vehicles without radio.
@@ -61,7 +62,7 @@ class EvidenceToSend:
             own_ids: under which own measurements are known.
         """
         since_ms, self._selected_ms = self._selected_ms, now_ms
-        return self._select(tracks, now_ms, own_ids, lambda _: since_ms)
+        return (yield from self._select(tracks, now_ms, own_ids, lambda _: since_ms))
 
     def of_cpm(
         self, tracks: Sequence[Track], now_ms: int, own_ids: Collection[bytes]
@@ -71,7 +72,8 @@ class EvidenceToSend:
         Arguments as of `of_footer`.
         """
         due = [track for track in tracks if self.sent[track].is_due(track.estimate, now_ms)]
-        return self._select(due, now_ms, own_ids, lambda track: self.sent[track].footer_ms)
+        slices = self._select(due, now_ms, own_ids, lambda track: self.sent[track].footer_ms)
+        return result_of(slices)
 
     def _select(
         self,
@@ -79,11 +81,12 @@ class EvidenceToSend:
         now_ms: int,
         own_ids: Collection[bytes],
         since_ms: Callable[[Track], int],
-    ) -> list[tuple[Track, Evidence]]:
+    ) -> Generator[None, None, list[tuple[Track, Evidence]]]:
         both = [
             (track, self._candidate(track, now_ms, own_ids, since_ms(track))) for track in tracks
         ]
         known = [(track, candidate) for track, candidate in both if candidate is not None]
+        yield
         selected = SELECTIONS[self._settings.selection](
             [candidate for _, candidate in known],
             self._settings.max_entries,
@@ -150,13 +153,16 @@ class EvidenceToSend:
 
         Of more measurements than receivers accept in an estimate, the latest are used.
         """
-        chosen = [
-            up_to(self._max_measurements, independent(evidence))
-            for evidence in evidence_of_vehicles
-        ]
+        chosen = [self._chosen(evidence) for evidence in evidence_of_vehicles]
         several = [evidence for evidence in chosen if len(evidence) > 1]
         estimates = iter(fuse(several, self._acceleration_density))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
+
+    def _chosen(self, evidence: Sequence[Evidence]) -> list[Evidence]:
+        """Return the pieces to be fused; of the others no objects are made."""
+        assert isinstance(evidence, EvidenceView)  # noqa: S101 (as `_candidate` has made it)
+        chosen = up_to(self._max_measurements, independent(evidence.stored))
+        return [stored.piece for stored in chosen]
 
 
 def _is_own_measurement(stored: StoredEvidence, own_ids: Collection[bytes]) -> bool:

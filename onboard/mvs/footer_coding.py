@@ -110,13 +110,21 @@ def encode_within(
     Returns:
         the footer, and the entries in it.
     """
+    fitting = fitting_entries(entries, reference_ms, max_bytes)
+    return mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor)), fitting
+
+
+def fitting_entries(entries: Sequence[Entry], reference_ms: int, max_bytes: int) -> list[Entry]:
+    """Return the first of `entries` that fit, without those too old for a footer or not yet made.
+
+    Arguments as of `encode_within`.
+    """
     timely = [
         (number, piece)
         for number, piece in entries
         if all(0 <= reference_ms - measured_ms(each) <= MAX_AGE_MS for each in piece.provenance)
     ]
-    fitting = timely[: _count_within(timely, max_bytes)]
-    return mvs_footer.encode(footer_of(fitting, reference_ms, frame, anchor)), fitting
+    return timely[: _count_within(timely, max_bytes)]
 
 
 def _count_within(entries: Sequence[Entry], max_bytes: int) -> int:

@@ -1,19 +1,20 @@
 """What a vehicle sends of its tracks: footers, SDSMs and CPMs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 import numpy as np
 
 from onboard.kinematics.arrays import Array
 from onboard.kinematics.local_frame import LocalFrame
+from onboard.messages import mvs_footer
 from onboard.messages.cpm import CollectivePerceptionMessage
 from onboard.messages.message_frame import MESSAGE_COUNTS
 from onboard.messages.sdsm import SensorDataSharingMessage
 from onboard.mvs import cpm_coding
 from onboard.mvs.cpm_coding import SharedObject
 from onboard.mvs.evidence_to_send import EvidenceToSend
-from onboard.mvs.footer_coding import encode_within
+from onboard.mvs.footer_coding import fitting_entries, footer_of
 from onboard.mvs.host_vehicle import HostVehicle
 from onboard.mvs.sdsm_coding import MeasuredObject, Sender, message_of
 from onboard.mvs.tracked_objects import without_radio
@@ -55,17 +56,22 @@ class MessagesToSend:
         """Take what was sent of one track for sent of another, of the same vehicle."""
         self._evidence.sent.merge(kept, merged)
 
-    def footer(self, tracks: Tracks, own_ids: Sequence[bytes], now_ms: int) -> bytes:
-        """Return the footer of a BSM."""
+    def footer_in_slices(
+        self, tracks: Tracks, own_ids: Sequence[bytes], now_ms: int
+    ) -> Generator[None, None, bytes]:
+        """Compose in slices the footer of a BSM, which is returned."""
         reported = without_radio(tracks)
+        selected = yield from self._evidence.of_footer(reported, now_ms, own_ids)
         chosen = [
-            (self._evidence.sent.wire_number(track, tracks), piece)
-            for track, piece in self._evidence.of_footer(reported, now_ms, own_ids)
+            (self._evidence.sent.wire_number(track, tracks), piece) for track, piece in selected
         ]
-        anchor = LocalFrame(*self._host.anchor)
-        data, fitting = encode_within(chosen, now_ms, self._frame, anchor, self._max_bytes)
+        frame, anchor = self._frame, LocalFrame(*self._host.anchor)
+        yield
+        fitting = fitting_entries(chosen, now_ms, self._max_bytes)
         self._evidence.sent.receive_sent(fitting, reported, now_ms)
-        return data
+        footer = footer_of(fitting, now_ms, frame, anchor)
+        yield
+        return mvs_footer.encode(footer)
 
     def sdsm(
         self, tracks: Tracks, own_ids: Sequence[bytes], now: float, now_ms: int

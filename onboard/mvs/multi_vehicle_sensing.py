@@ -106,6 +106,10 @@ class MultiVehicleSensing(Core):
         """What is left of an update that has begun."""
         self._slice_s = 0.0
         """Time of its last slice."""
+        self._composing: Generator[None, None, bytes] | None = None
+        """What is left of a footer that has begun."""
+        self._composed: bytes | None = None
+        """A footer that is not sent yet."""
         self._events: deque[Discarded] = deque(maxlen=1024)
 
     @property
@@ -118,6 +122,7 @@ class MultiVehicleSensing(Core):
         if own_id != self.own_id:
             self._own_ids.append(own_id)
             self._messages.begin_anew()
+            self._composing = self._composed = None
 
     def set_utc_offset(self, utc_offset_s: float) -> None:
         """Set UTC minus `now`. At a correction of UTC all tracks are dropped."""
@@ -126,7 +131,7 @@ class MultiVehicleSensing(Core):
                 tracks.clear()
             self._detections.forget_stamps()
             self._messages.restart()
-            self._updated_ms = self._slices = None
+            self._updated_ms = self._slices = self._composing = self._composed = None
         self._utc_offset_s = utc_offset_s
 
     # ---- in -------------------------------------------------------------------------------
@@ -135,6 +140,9 @@ class MultiVehicleSensing(Core):
         """Take the host vehicle's position."""
         if self._host.leaves_frame(fix):
             self._finish_update()
+            if self._composing is not None:
+                self._composed = result_of(self._composing)
+                self._composing = None
         moved = self._host.receive_position(fix)
         if moved is not None:
             for tracks in self._all_tracks:
@@ -289,12 +297,40 @@ class MultiVehicleSensing(Core):
 
     # ---- out ------------------------------------------------------------------------------
 
+    def footer_slice(self, now: float) -> bool:
+        """Do the next part of the update or, after it, of the footer that is to be sent.
+
+        Returns:
+            whether `footer_to_send` has little left to do.
+        """
+        if self._composed is not None:
+            return True
+        if self._composing is None:
+            if not self.update_slice(now):
+                return False
+            if not self.has_position(now) or len(self._tracks) <= TRACKS_AT_ONCE:
+                return True
+            self._composing = self._compose(now)
+        try:
+            next(self._composing)
+        except StopIteration as end:
+            self._composing, self._composed = None, end.value
+        return self._composed is not None
+
     def footer_to_send(self, now: float) -> bytes:
-        """Update, and return the footer of the BSM at `now`; empty without a position."""
-        self.update(now)
-        if not self.has_position(now):
-            return b""
-        return self._messages.footer(self._tracks, self._own_ids, self._utc_ms(now))
+        """Update, and return the footer of the BSM at `now`; empty without a position.
+
+        One that `footer_slice` has begun is finished and returned.
+        """
+        while not self.footer_slice(now):
+            pass
+        if self._composed is not None:
+            footer, self._composed = self._composed, None
+            return footer
+        return result_of(self._compose(now)) if self.has_position(now) else b""
+
+    def _compose(self, now: float) -> Generator[None, None, bytes]:
+        return self._messages.footer_in_slices(self._tracks, self._own_ids, self._utc_ms(now))
 
     def sdsm_to_send(self, now: float) -> SensorDataSharingMessage | None:
         """Update, and return the SDSM at `now`; `None` without anything newly measured."""

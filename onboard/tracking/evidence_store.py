@@ -157,11 +157,11 @@ class EvidenceView(Sequence[Evidence]):
     """Stored evidence as a sequence; objects are made on access, since most is only counted."""
 
     def __init__(self, stored: Sequence[StoredEvidence]) -> None:
-        self._stored = stored
+        self.stored = stored
 
     @override
     def __len__(self) -> int:
-        return len(self._stored)
+        return len(self.stored)
 
     @overload
     def __getitem__(self, at: int) -> Evidence: ...
@@ -170,8 +170,8 @@ class EvidenceView(Sequence[Evidence]):
     @override
     def __getitem__(self, at: int | slice) -> Evidence | Sequence[Evidence]:
         if isinstance(at, slice):
-            return [stored.piece for stored in self._stored[at]]
-        return self._stored[at].piece
+            return [stored.piece for stored in self.stored[at]]
+        return self.stored[at].piece
 
 
 def _empty(rows: int) -> StateArrays:

@@ -22,11 +22,21 @@ import heapq
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
 from operator import itemgetter
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
-from onboard.tracking.evidence import Evidence, stamp_ms_of
+from onboard.tracking.evidence import Provenance, stamp_ms_of
 
 _MAX_STATES = 1000
+
+
+class _HasProvenance(Protocol):
+    """Evidence, stored or not; it has a `stamp_ms` as well."""
+
+    @property
+    def provenance(self) -> Provenance: ...
+
+
+PieceT = TypeVar("PieceT", bound=_HasProvenance)
 
 
 def select_independent(provenances: Sequence[frozenset[Hashable]]) -> list[int]:
@@ -65,14 +75,14 @@ def select_independent_masks(masks: Sequence[int]) -> list[int]:
     return sorted(chosen)
 
 
-def independent(evidence: Iterable[Evidence]) -> list[Evidence]:
+def independent(evidence: Iterable[PieceT]) -> list[PieceT]:
     """Return the independent set of evidence, the latest among equals."""
     latest_first = sorted(evidence, key=stamp_ms_of, reverse=True)
     chosen = select_independent([piece.provenance for piece in latest_first])
     return [latest_first[index] for index in chosen]
 
 
-def up_to(max_measurements: int, evidence: Iterable[Evidence]) -> list[Evidence]:
+def up_to(max_measurements: int, evidence: Iterable[PieceT]) -> list[PieceT]:
     """Return the first pieces that have at most `max_measurements` measurements together."""
     left = max_measurements
     fitting = []

@@ -173,11 +173,19 @@ class SharedSensing:
             self._is_cpm_first = False
             yield perceived
 
+    def prepare_slice(self, now: float) -> bool:
+        """Do the next slice of what the messages that are due need; returns whether all is done."""
+        if self._has_footers and self.transmitter.is_due(now):
+            return self.mvs.footer_slice(now)
+        return self.mvs.update_slice(now)
+
+    @property
+    def _has_footers(self) -> bool:
+        return self._cpms is None and self._shared_in is not SharedIn.SDSM
+
     def bsm(self, now: float) -> BasicSafetyMessage:
         """Return the BSM at `now`, due or not."""
-        footer = None
-        if self._cpms is None and self._shared_in is not SharedIn.SDSM:
-            footer = self.mvs.footer_to_send(now) or None
+        footer = (self.mvs.footer_to_send(now) or None) if self._has_footers else None
         utc_s = now + self._utc_offset_s
         return self.transmitter.bsm(footer, now, utc_s, self.heading_rad(now))
 

@@ -396,14 +396,14 @@ class Vehicle(Core):
         if not self._config.beacons:
             return
         is_due = any(core.get_timer() <= now for core in self._sharing.cores)
-        if is_due and not self._is_updated(now):
+        if is_due and not self._is_prepared(now):
             return
         yield from self._sharing.messages_to_send(now, self._radio_opens_at)
 
-    def _is_updated(self, now: float) -> bool:
-        """Whether the tracks are up to date; if not, a slice of their update is done in a step."""
+    def _is_prepared(self, now: float) -> bool:
+        """Whether tracks and footer are up to date; if not, a slice of them is done in a step."""
         is_assessed = now < self._surroundings.get_timer()
-        return is_assessed and self._sharing.mvs.update_slice(now)
+        return is_assessed and self._sharing.prepare_slice(now)
 
     # ---- between the cores ----------------------------------------------------------------
 

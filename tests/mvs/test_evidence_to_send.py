@@ -7,6 +7,7 @@ from onboard.mvs.evidence_to_send import SHARED_SPAN_S, EvidenceToSend
 from onboard.mvs.settings import MvsSettings
 from onboard.tracking.evidence import Measurement, ProvenanceSpans, as_arrays, measurement_id
 from onboard.tracking.evidence_store import OWN, EvidenceBatch
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 from onboard.tracking.tracks import Tracks
 
@@ -62,18 +63,19 @@ def observed() -> Observed:
 
 def test_a_piece_of_evidence_is_selected_in_one_window_only(observed: Observed) -> None:
     selection = to_send()
-    first = selection.of_footer(observed.all, 1010, OWN_IDS)
+    first = result_of(selection.of_footer(observed.all, 1010, OWN_IDS))
     observed.receive(OWN, 2, 1100, 1100)
 
     assert [track.number for track, _ in first] == [1, 2]
-    assert [track.number for track, _ in selection.of_footer(observed.all, 1110, OWN_IDS)] == [2]
-    assert selection.of_footer(observed.all, 1210, OWN_IDS) == []
+    second = result_of(selection.of_footer(observed.all, 1110, OWN_IDS))
+    assert [track.number for track, _ in second] == [2]
+    assert result_of(selection.of_footer(observed.all, 1210, OWN_IDS)) == []
 
 
 def test_evidence_older_than_what_may_be_shared_is_not_sent(observed: Observed) -> None:
     late_ms = 1001 + round(SHARED_SPAN_S * 1000)
 
-    assert to_send().of_footer(observed.all, late_ms, OWN_IDS) == []
+    assert result_of(to_send().of_footer(observed.all, late_ms, OWN_IDS)) == []
     assert to_send().of_sdsm(observed.all, late_ms, OWN_IDS) == []
 
 
@@ -103,8 +105,8 @@ def test_with_few_entries_those_sent_the_longest_ago_come_first(observed: Observ
 
 def test_after_a_correction_of_utc_earlier_evidence_may_be_sent(observed: Observed) -> None:
     selection = to_send()
-    selection.of_footer([], 9000, OWN_IDS)
+    result_of(selection.of_footer([], 9000, OWN_IDS))
 
-    assert selection.of_footer(observed.all, 1010, OWN_IDS) == []
+    assert result_of(selection.of_footer(observed.all, 1010, OWN_IDS)) == []
     selection.restart()
-    assert len(selection.of_footer(observed.all, 1020, OWN_IDS)) == 2
+    assert len(result_of(selection.of_footer(observed.all, 1020, OWN_IDS))) == 2

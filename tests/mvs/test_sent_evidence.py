@@ -14,6 +14,7 @@ from onboard.mvs.sent_evidence import SentEvidence
 from onboard.mvs.settings import MvsSettings
 from onboard.observations import VehicleDetection
 from onboard.tracking.evidence import MeasurementId
+from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
 from tests.mvs.test_evidence_to_send import OTHER_ID, OWN_IDS, Observed
 from tests.mvs.world import Car, World
@@ -44,10 +45,10 @@ def test_what_was_sent_of_a_track_is_not_sent_again_of_the_one_it_is_merged_into
     piece = next(iter(second.evidence.values())).piece
     selection.sent.receive_sent([(number, piece)], tracks, 1010)
 
-    assert [track for track, _ in selection.of_footer(tracks, 1010, OWN_IDS)] == [first]
+    assert [track for track, _ in result_of(selection.of_footer(tracks, 1010, OWN_IDS))] == [first]
     selection.restart()
     selection.sent.merge(first, second)
-    assert selection.of_footer([first], 1020, OWN_IDS) == []
+    assert result_of(selection.of_footer([first], 1020, OWN_IDS)) == []
 
 
 class WrongAtFirst(World):

@@ -80,3 +80,31 @@ def test_a_footer_is_sent_in_the_middle_of_an_update() -> None:
     assert not mvs.update_slice(NOW + 0.3)
     assert mvs_footer.decode(mvs.footer_to_send(NOW + 0.3)).estimates
     assert mvs.update_slice(NOW + 0.3)
+
+
+def ready_to_send() -> MultiVehicleSensing:
+    mvs = victim()
+    for tick in range(3):
+        report(mvs, ATTACKER, tick)
+    mvs.update(NOW + 0.2)
+    return mvs
+
+
+def test_a_footer_composed_in_slices_is_the_one_composed_at_once() -> None:
+    """What arrives in between is not in it."""
+    at_once, mvs = ready_to_send(), ready_to_send()
+    slices = 1
+    while not mvs.footer_slice(NOW + 0.25):
+        slices += 1
+        report(mvs, WITNESS, 2)
+    assert slices >= 4
+    assert mvs.footer_to_send(NOW + 0.26) == at_once.footer_to_send(NOW + 0.25) != b""
+
+
+def test_a_footer_that_has_begun_is_not_sent_under_another_id() -> None:
+    mvs, fresh = ready_to_send(), ready_to_send()
+    while not mvs.footer_slice(NOW + 0.25):
+        pass
+    mvs.set_own_id(b"next")
+    fresh.set_own_id(b"next")
+    assert mvs.footer_to_send(NOW + 0.35)[:7] == fresh.footer_to_send(NOW + 0.35)[:7]
