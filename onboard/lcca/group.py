@@ -63,9 +63,7 @@ class WarningGroup(Core):
         self._rng = rng
         self._adjacent_ids = AdjacentIds(parameters.id_change_s)
         self._state = GroupState.REGULAR
-        self._position = GroupPosition(
-            own_id, parameters.leader_silence_s, int(rng.integers(_SEQUENCES))
-        )
+        self._position = GroupPosition(own_id, int(rng.integers(_SEQUENCES)))
         self._lead_monitor = LeadMonitor(parameters)
         self._membership = Membership(parameters, self._lead_monitor, rng)
         self._followers = Followers(parameters)
@@ -241,7 +239,7 @@ class WarningGroup(Core):
             return
         taken = (reply.leader_id, reply.number + 1, reply.leader_sequence)
         refusal = self._membership.refusal(reply, now)
-        if refusal is None and position.forms_loop(*taken, now):
+        if refusal is None and position.forms_loop(*taken):
             refusal = "loop"
         if refusal is not None:
             self._discard(refusal, reply, now)
@@ -281,7 +279,7 @@ class WarningGroup(Core):
     ) -> None:
         """Take a position as a member; without an `event` it may be a renumbering."""
         before = self._position.in_group
-        self._position.take(leader_id, number, leader_sequence, now)
+        self._position.take(leader_id, number, leader_sequence)
         if event is None and before != self._position.in_group:
             event = GroupEvent.RENUMBERED
         if event is not None:
@@ -333,7 +331,7 @@ class WarningGroup(Core):
         moved = (update.leader_id, update.number + 1, update.leader_sequence)
         if moved[:2] == self._position.in_group:
             self._discard("up_to_date", update, now)
-        elif self._position.forms_loop(*moved, now):
+        elif self._position.forms_loop(*moved):
             self._discard("loop", update, now)
         else:
             if self._position.is_newer(update.leader_id, update.leader_sequence):

@@ -1,21 +1,18 @@
-"""A vehicle's leader and number in its group, and the rule that keeps groups free of loops.
+"""A vehicle's leader and number in its group, and the rule that keeps numbers from counting up.
 
 If A followed B and B followed A, each would number itself behind the other, without bound. This is
 the count-to-infinity problem of distance vector routing, and so is its solution: the feasibility
 condition of DUAL and Babel (RFC 8966, section 2.4) with the sequence numbers of DSDV. The leader
 counts its replies, and each reply carries the newest count (`leader_sequence`) that its sender has
-received. For each leader, a vehicle stores the newest sequence number and the smallest group number
-that it has had under it. It takes a position under that leader only with a newer sequence number,
-or with a group number that is not larger. A message about itself that returns through the vehicles
+received. Under its leader, a vehicle takes another position only with a newer sequence number, or
+with a group number that is not larger. A message about itself that returns through the vehicles
 behind it never has a newer sequence number, and always has a larger group number.
 
-One loop remains: two vehicles that read each other's plate and join at the same moment both accept
-a reply sent before the other moved. It does not count up, it has no leader that could send new
-sequence numbers, and so it ends after `leader_silence_s`.
+Vehicles that read each other's plates may still close a circle, while their leaders change. It has
+no leader that could send new sequence numbers, and so it ends after `leader_silence_s`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from onboard.messages.lcca import CarId
 
@@ -29,32 +26,20 @@ def is_newer(sequence: int, than: int) -> bool:
     return 0 < (sequence - than) % _MODULUS < _MODULUS // 2
 
 
-@dataclass(slots=True)
-class _FeasiblePosition:
-    """The smallest group number under one leader, for its newest sequence number."""
-
-    leader_sequence: int
-    number: int
-    forget_at: float
-
-
 class GroupPosition:
     """Own ID, leader, group number and leader sequence number."""
 
-    def __init__(self, own_id: CarId, memory_s: float, leader_sequence: int) -> None:
+    def __init__(self, own_id: CarId, leader_sequence: int) -> None:
         """Start in no group.
 
         Args:
             own_id: the own communication ID.
-            memory_s: how long the position under a former leader is stored.
             leader_sequence: where the own count starts.
         """
         self.own_id = own_id
         self.leader_id = own_id
         self.number = 1
-        self._memory_s = memory_s
         self._own_sequence = self._received_sequence = leader_sequence
-        self._feasible: dict[CarId, _FeasiblePosition] = {}
 
     @property
     def header(self) -> tuple[CarId, CarId, int]:
@@ -81,7 +66,6 @@ class GroupPosition:
         """Take the new IDs, by the old ones, of this vehicle and of leaders."""
         self.own_id = names.get(self.own_id, self.own_id)
         self.leader_id = names.get(self.leader_id, self.leader_id)
-        self._feasible = {names.get(key, key): each for key, each in self._feasible.items()}
 
     def advance(self, counts: int) -> None:
         """Skip counts of the own sequence, at most `LARGEST_ADVANCE`.
@@ -98,40 +82,29 @@ class GroupPosition:
         self.number = 1
 
     def is_newer(self, leader_id: CarId, sequence: int) -> bool:
-        """Whether `sequence` is the first or a newer one of that leader."""
-        feasible = self._feasible.get(leader_id)
-        return feasible is None or is_newer(sequence, feasible.leader_sequence)
+        """Whether `sequence` is newer than the own leader's, or another one's."""
+        return leader_id != self.leader_id or is_newer(sequence, self._received_sequence)
 
-    def forms_loop(self, leader_id: CarId, number: int, sequence: int, now: float) -> bool:
+    def forms_loop(self, leader_id: CarId, number: int, sequence: int) -> bool:
         """Whether this vehicle might follow itself in that position (feasibility condition).
 
         Args:
             leader_id: the leader of the position.
             number: its group number.
             sequence: the leader sequence number that came with it.
-            now: seconds on the cores' clock.
         """
         if leader_id == self.own_id:
             return True
-        feasible = self._feasible.get(leader_id)
-        if (
-            feasible is None
-            or feasible.forget_at <= now
-            or is_newer(sequence, feasible.leader_sequence)
-        ):
+        if self.is_newer(leader_id, sequence):
             return False
-        return sequence != feasible.leader_sequence or number > feasible.number
+        return sequence != self._received_sequence or number > self.number
 
-    def take(self, leader_id: CarId, number: int, sequence: int, now: float) -> None:
+    def take(self, leader_id: CarId, number: int, sequence: int) -> None:
         """Take a position that forms no loop (`forms_loop`).
 
         Args:
             leader_id: the new leader.
             number: the new group number.
             sequence: the leader sequence number that came with it.
-            now: seconds on the cores' clock.
         """
-        self._feasible[leader_id] = _FeasiblePosition(sequence, number, now + self._memory_s)
         self.leader_id, self.number, self._received_sequence = leader_id, number, sequence
-        for old in [key for key, each in self._feasible.items() if each.forget_at <= now]:
-            del self._feasible[old]

@@ -34,7 +34,7 @@ class GroupParameters:
     """How long it lasts without a join, or a reply, however many BSMs arrive."""
     leader_silence_s: float = 3.0
     """How long a membership lasts without a new leader sequence number, however well the
-    predecessor answers; and so how long the position under a former leader is stored."""
+    predecessor answers."""
     id_change_s: float = 3.0
     """How long IDs of the previous epoch stay valid after the own change: clocks may differ by
     2 s."""

@@ -93,7 +93,7 @@ def test_an_impossible_reach_delays_a_warning_by_the_own_reach_only() -> None:
     parameters = GroupParameters()
     reach = Reach(parameters)
     forwarding = Forwarding(
-        parameters, GroupPosition(B, 3.0, 0), Followers(parameters), reach, np.random.default_rng(0)
+        parameters, GroupPosition(B, 0), Followers(parameters), reach, np.random.default_rng(0)
     )
     for behind in (1, 2):
         reach.receive_distance(behind.to_bytes(8), behind, 10.0)
