@@ -46,7 +46,7 @@ class PlateDigest:
         derived = self._derived(plate, epoch)
         if not derived:
             derived.append(self._derive(plate, epoch))
-        return derived[0]
+        return derived[0][:_ID_BYTES]  # recordings of older builds hold more
 
     def is_derived(self, plate_text: str, utc_s: float) -> bool:
         """Whether `car_id` returns at once.
