@@ -295,7 +295,10 @@ def _fill_share(bus: str, car: dict[str, object]) -> None:
     """Write the files that the guest reads: configuration, keys and camera images."""
     shutil.copy(Path(__file__).with_name("rig.py"), SHARE)
     (SHARE / "rig.service").write_text(RIG_UNIT.replace("BUS", bus), encoding="utf-8")
-    (SHARE / "car.yaml").write_text(yaml.safe_dump(car, sort_keys=False), encoding="utf-8")
+    ocb = car | {"radio": {"endpoint": "raw", "interface": "wlan0"}}
+    for name, content in (("car", car), ("car-ocb", ocb)):
+        text = yaml.safe_dump(content, sort_keys=False)
+        (SHARE / f"{name}.yaml").write_text(text, encoding="utf-8")
     shutil.rmtree(SHARE / "keys", ignore_errors=True)
     (SHARE / "keys").mkdir(mode=0o700)
     digest = plate_digest()

@@ -24,6 +24,32 @@ cp -a "$(basename "$(readlink ../current)")" dead
 echo 'exit 1' >dead/venv/bin/onboard
 onboard-releases switch dead
 """
+OCB = """set -e
+modprobe mac80211_hwsim radios=2
+for radio in wlan0 wlan1; do
+    iw dev $radio set type ocb
+    ip link set $radio up
+    iw dev $radio ocb join 5180 10MHZ
+done
+cat >/etc/systemd/system/onboard.service.d/ocb.conf <<'UNIT'
+[Service]
+AmbientCapabilities=CAP_NET_RAW CAP_NET_ADMIN
+CapabilityBoundingSet=CAP_NET_RAW CAP_NET_ADMIN
+RestrictAddressFamilies=AF_PACKET
+PrivateUsers=no
+UNIT
+cp /etc/onboard/car.yaml /root/good
+cp /share/car-ocb.yaml /etc/onboard/car.yaml
+systemctl daemon-reload
+"""
+"""Two radios whose frames the kernel's 802.11 passes to each other. Its regulatory rules disable
+5.9 GHz, which is that of a car."""
+NO_OCB = """set -e
+cp /root/good /etc/onboard/car.yaml
+rm /etc/systemd/system/onboard.service.d/ocb.conf
+systemctl daemon-reload
+systemctl restart rig onboard
+"""
 POLL_S, POLLS = 0.5, 120
 """Interval in guest time at which the trace is read, and how often at most."""
 
@@ -86,7 +112,7 @@ class VmDrive:
             self.refuse_configuration,
             self.fall_back,
         ]
-        return [*anywhere, self.step_clock] if self._has_kernel else anywhere
+        return [*anywhere, self.step_clock, self.use_ocb] if self._has_kernel else anywhere
 
     # ---- faults --------------------------------------------------------------------------
 
@@ -201,6 +227,20 @@ class VmDrive:
             "clock stepped by 10 minutes", None, max(0.0, member_s - stepped_s), 10.0, remark
         )
         yield StatusRow("clock stepped: warned", None, self._warned_after(), 1.0)
+
+    def use_ocb(self) -> Iterator[StatusRow]:
+        """Both vehicles' radios are 802.11p of the guest's kernel (`endpoint: raw`)."""
+        self._run(OCB)
+        self._send("radio ocb")
+        began_s = self._run("systemctl restart onboard").began_s
+        try:
+            member_s = self._time_of(self._time_of(began_s, "ready"), "transition", state="member")
+            what = "OCB: member of the group"
+            yield StatusRow(what, None, member_s - began_s, 15.0, "after restart")
+            yield StatusRow("OCB: warned", None, self._warned_after(), 1.0)
+        finally:
+            again_s = self._run(NO_OCB).began_s
+        self._time_of(self._time_of(again_s, "ready"), "transition", state="member")
 
     def refuse_configuration(self) -> Iterator[StatusRow]:
         """An invalid configuration, then a valid one."""

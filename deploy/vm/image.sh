@@ -27,7 +27,7 @@ as_root mmdebstrap --quiet --variant=minbase \
     --dpkgopt=force-unsafe-io \
     --dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-exclude=/usr/share/man/*' \
     --dpkgopt='path-exclude=/usr/share/locale/*' \
-    --include=systemd,systemd-sysv,udev,dbus,kmod,iproute2,procps,can-utils,gpsd \
+    --include=systemd,systemd-sysv,udev,dbus,kmod,iproute2,iw,procps,can-utils,gpsd \
     --include=python3,python3-venv,linux-image-amd64,initramfs-tools \
     --essential-hook='mkdir -p "$1/etc/initramfs-tools/conf.d"' \
     --essential-hook='echo MODULES=list >"$1/etc/initramfs-tools/conf.d/small"' \

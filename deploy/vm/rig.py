@@ -1,8 +1,8 @@
 """Runs in the guest: the rig's ends of the box's wires, and the lead vehicle on commands.
 
 The bus is vcan0, or a socketcand server where the kernel has no CAN. The rig accepts commands on
-UDP: `brake`; `radio off` and `radio on` for the power of the radio units; `bus off` and `bus on`
-for the server.
+UDP: `brake`; `radio off` and `radio on` for the power of the radio units, `radio ocb` for the lead
+vehicle on the network interface `wlan1`; `bus off` and `bus on` for the server.
 
     python rig.py IMAGES KEYS (vcan | socketcand)
 """
@@ -24,6 +24,8 @@ from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm
 from onboard.vehicle.config import CarConfig
 from onboard.vehicle.stack import Stack
+from onboard.wave_udp.raw import RawEndpoint
+from onboard.wave_udp.settings import RawSettings
 from sim_rig.cars.can_interface import CanInterface
 from sim_rig.cars.device_line import DeviceLine, UdpLine
 from sim_rig.cars.ecu import Ecu
@@ -127,7 +129,15 @@ class LeadVehicle:
             credentials=read_credentials(keys),
         )
         self._units = units
-        units.add_in_process(LEAD, lambda wsm: self._step(ReceivedWsm(time.monotonic(), wsm)))
+        units.add_in_process(LEAD, self._receive)
+        self._ocb: RawEndpoint | None = None
+
+    def use_ocb(self) -> None:
+        """Send and receive by the kernel's 802.11p from now on."""
+        self._ocb = RawEndpoint(
+            RawSettings(endpoint="raw", interface="wlan1"), self._receive, print
+        )
+        self._ocb.start(asyncio.get_running_loop())
 
     def brake(self) -> None:
         """Brake hard, by the brake button."""
@@ -139,9 +149,15 @@ class LeadVehicle:
             self._step(Speed(time.monotonic(), SPEED_M_S, 0.1, "rig"))
             await asyncio.sleep(STEP_S)
 
+    def _receive(self, wsm: bytes) -> None:
+        self._step(ReceivedWsm(time.monotonic(), wsm))
+
     def _step(self, *inputs: Input) -> None:
         for wsm in self._stack.step(inputs, time.monotonic(), time.time()).wsms:
-            self._units.transmit(LEAD, wsm.data, wsm.user_priority)
+            if self._ocb is None:
+                self._units.transmit(LEAD, wsm.data, wsm.user_priority)
+            else:
+                self._ocb.send(wsm.data, wsm.user_priority)
 
 
 def camera(folder: Path) -> MjpegServer:
@@ -173,6 +189,8 @@ class Commands(asyncio.DatagramProtocol):
         match command:
             case ["brake"]:
                 self._lead.brake()
+            case ["radio", "ocb"]:
+                self._lead.use_ocb()
             case ["radio", state]:
                 self._air.switch(state)
             case ["bus", state]:
