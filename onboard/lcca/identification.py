@@ -387,7 +387,7 @@ class Identification(Core):
                 return
             track.answers[sender] = answer.sender_id
             self._decide(track, lead, now)
-        elif _text_of(answer.sender_id, lead) == track.identity.text:
+        elif _is_of(track.identity, answer.sender_id, lead):
             self._bind(track, answer, sender, now)
 
     def _bind(self, track: _Track, answer: Answer, sender: bytes, now: float) -> None:
@@ -472,6 +472,13 @@ class Identification(Core):
     def _discard(self, reason: str, message: Inquiry | Answer, now: float) -> None:
         detail = f"{message.kind} from {message.sender_id.hex()}"
         self._events.append(Discarded(now, "lcca", reason, detail))
+
+
+def _is_of(identity: CarIdentity, car_id: CarId, lead: TrackedLead) -> bool:
+    """Whether this is a communication ID of the identified car."""
+    if identity.text is None:
+        return car_id == identity.car_id
+    return _text_of(car_id, lead) == identity.text
 
 
 def _text_of(car_id: CarId, lead: TrackedLead) -> str | None:

@@ -317,6 +317,19 @@ def test_a_car_whose_plate_is_never_read_is_identified_by_its_motion() -> None:
     assert any(isinstance(each, Identified) and each.cause == "motion" for each in drive.events)
 
 
+def test_an_answer_under_another_id_disputes_no_car_that_its_motion_identified() -> None:
+    """Of two that were asked by their motion, the other one, or an insider."""
+    drive = Drive()
+    for step in range(400):
+        speed_m_s = SPEED_M_S + 2.0 * np.sin(step / 30.0)
+        drive.look(ahead_m_s=speed_m_s, answering={AHEAD: speed_m_s})
+    assert drive.identified == AHEAD
+    drive.core.receive_speed_on_air(b"insider", TEMPORARY[TWIN], SPEED_M_S, drive.now)
+    answer = Answer(TWIN, OWN, drive.inquiries[-1].sequence, TEMPORARY[TWIN], SPEED_M_S)
+    drive.core.receive_message(answer, b"insider", drive.now)
+    assert drive.core.sender == TEMPORARY[AHEAD]
+
+
 @pytest.mark.parametrize("lag_s", [1.2, 1.6, 2.0, 3.0])
 @pytest.mark.parametrize("period_s", [25.0, 40.0, 60.0])
 def test_a_car_through_which_one_sees_no_plate_is_not_taken_for_the_one_ahead_of_it(
