@@ -67,9 +67,14 @@ class ActiveWarnings:
         return end is not None and 0 < (end - warn.event_sequence) % (1 << 16) <= OUTDATED
 
     def rename(self, names: Mapping[CarId, CarId]) -> None:
-        """Take the new IDs of vehicles, by the old ones."""
+        """Take the new IDs of vehicles, by the old ones.
+
+        Of a vehicle that has raised a braking under either, the older one expires.
+        """
+        known = self._brakings.keys()
+        new = {old: names[old] for old in known & names.keys() if names[old] not in known}
         self._brakings = OrderedDict(
-            (names.get(car_id, car_id), each) for car_id, each in self._brakings.items()
+            (new.get(car_id, car_id), each) for car_id, each in self._brakings.items()
         )
 
     def receive_warn(

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from functools import partial
 
-from onboard.lcca.events import WarningLevel, WarningOver, WarningRaised
+from onboard.lcca.events import MeasuredLead, WarningLevel, WarningOver, WarningRaised
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Warn, WarnCause
 from onboard.observations import BrakeCause
-from tests.lcca.road import Air, Car, Road, Transmission
+from tests.lcca.one_car import A, OneCar, answer
+from tests.lcca.road import Air, Car, Road, Transmission, car_id
 from tests.lcca.rows import row
 from tests.typed import a
 
@@ -95,6 +96,23 @@ def test_a_braking_vehicle_that_falls_silent_is_warned_of_for_the_event_lifetime
     road.run(0.3)
     assert braking_ahead(road.cars["C"]) == ["warning", "warning_over"]
     assert a(WarningOver, road.cars["C"].said[-1]).reason == "expired"
+
+
+def test_a_braking_raised_under_two_ids_of_one_vehicle_ends_under_both() -> None:
+    """Its vehicle has changed its ID before this one identifies it as the lead."""
+    old, new = car_id("X"), car_id("X", 1)
+    car = OneCar()
+    car.sees(A, 0.0)
+    car.hears(answer(car.asks(0.0), leader=old, number=2), 0.0)
+    for named in (old, new):
+        warn = Warn(named, old, 1, named, 5, 0, 1, 5, WarnCause.DECELERATION, 6.0, 0.0, 1)
+        car.group.receive_message(warn, 0.1)
+    car.group.receive_lead(MeasuredLead(new, 20.0, 0.0, previous_id=old), 0.2)
+    car.group.handle_timer(5.0)
+    events = list(iter(car.group.next_event, None))
+    raised = [each.origin_id for each in events if isinstance(each, WarningRaised)]
+    assert raised == [old, new]
+    assert {each.origin_id for each in events if isinstance(each, WarningOver)} == {old, new}
 
 
 def test_a_warning_that_arrives_after_the_end_is_outdated() -> None:
