@@ -51,6 +51,8 @@ class OwnDetections:
             measured: dict[int, Measurement] = {}
             velocities: dict[int, tuple[Array, Array]] = {}
             for detection in detections:
+                if detection.track_id in measured:  # of an image that was sent again
+                    continue
                 measurement = self._host.measure(detection)
                 if isinstance(measurement, str):
                     detail = f"car {detection.track_id} seen"

@@ -77,6 +77,21 @@ def test_the_stated_covariance_of_the_speed_is_right_or_large() -> None:
     assert np.mean(squared) < 1.4
 
 
+def test_a_sweep_that_is_sent_again_counts_once() -> None:
+    """Of a detector that repeats its last sweep until the next one."""
+    mvs, now = drive(12.0, 0.2, has_rate=True)
+    (known,) = mvs.kinematic_info(now)
+    sweep = VehicleDetection(now + 0.1, 1, 39.2, 0.3, 0.0, 0.005, None, -8.0, RATE_SIGMA_M_S)
+    once, _ = drive(12.0, 0.2, has_rate=True)
+    for mvs_, times in ((mvs, 3), (once, 1)):
+        for _ in range(times):
+            mvs_.receive_detection(sweep)
+        mvs_.update(now + 0.1)
+    (again,), (single,) = mvs.kinematic_info(now + 0.1), once.kinematic_info(now + 0.1)
+    assert again.state == single.state != known.state
+    assert again.covariance == single.covariance
+
+
 def test_a_shared_measurement_has_no_velocity() -> None:
     """A receiver cannot check a speed that one measurement states."""
     mvs, _ = drive(12.0, 0.2, has_rate=True)
