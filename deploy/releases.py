@@ -30,6 +30,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -40,6 +41,8 @@ from pathlib import Path
 SUMS, SIGNATURE, ABOUT = "SHA256SUMS", "SHA256SUMS.sig", "release.json"
 """Files of a folder to install: hashes of all others, their signature, and what it is."""
 COMPLETE, UNITS = "complete", "units"
+_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+_-]*")
+"""Of a release, which is the name of its folder."""
 MOST_DEATHS = 3
 """Starts of a release that is not proven, after which the good one is taken."""
 MISTAKE = 2
@@ -79,6 +82,11 @@ class Bundle:
             raise RefusedError(f"{folder}: no {SUMS}: create the folder with 'make box'") from error
         self._check_hashes()
         self.about = About(**json.loads((folder / ABOUT).read_bytes()))
+        if not _NAME.fullmatch(self.about.name):
+            raise RefusedError(
+                f"{folder}: {ABOUT}: name {self.about.name!r} is none of a release: letters,"
+                " digits and . + - _"
+            )
         here = About(self.about.name, platform.machine(), f"3.{sys.version_info.minor}")
         if self.about != here:
             raise RefusedError(

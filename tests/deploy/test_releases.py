@@ -215,6 +215,14 @@ def test_a_file_that_is_not_of_the_release_is_refused(tmp_path: Path) -> None:
         Bundle(bundle)
 
 
+@pytest.mark.parametrize("name", ["../../../box", "", ".", "a/b", "-rf"])
+def test_a_release_cannot_name_a_folder_elsewhere(tmp_path: Path, name: str) -> None:
+    """It could be its own, with a file `complete`: it then counts as installed, and is run."""
+    bundle = make_bundle(tmp_path / "box", name)
+    with pytest.raises(RefusedError, match=r"release\.json: name .* is none of a release"):
+        Bundle(bundle)
+
+
 def test_two_modified_builds_of_one_commit_have_two_names(tmp_path: Path) -> None:
     one, other = (
         Bundle(make_bundle(tmp_path / str(files), f"{NEW}.modified", files=files))
