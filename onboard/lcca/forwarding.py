@@ -150,7 +150,8 @@ class _Message:
     origin_ahead: int
     """How many vehicles ahead the braking one is."""
     distance: int
-    """To the nearest sender ahead of whom a copy was received; 0: this vehicle started it."""
+    """To the nearest sender ahead of whom a copy was received; 0 if this vehicle started it, or of
+    one that follows the same vehicle."""
     reach: int
     """That this sender named."""
     repeat_at: float
@@ -158,6 +159,8 @@ class _Message:
     check_at: float
     """When the followers' acknowledgements are checked; infinite: never."""
     repeats_left: int
+    is_own: bool
+    """Whether this vehicle started it."""
     unacknowledged: set[CarId] = field(default_factory=set)
     """Followers that have not acknowledged it."""
     is_replaced: bool = False
@@ -209,7 +212,7 @@ class Forwarding:
 
     def originate(self, warn: Warn, now: float) -> None:
         """Start the warning; the caller sends its first copy now."""
-        self._store(warn, 0, math.inf, now)
+        self._store(warn, 0, math.inf, now, is_own=True)
 
     def receive_first(self, warn: Warn, distance: int, now: float) -> None:
         """Take a first copy.
@@ -252,7 +255,7 @@ class Forwarding:
                 left the lane, and only its own braking concerns the follower.
         """
         for entry in self._messages.values():
-            if entry.warn.cause is WarnCause.OVER or (entry.distance != 0 and not is_close):
+            if entry.warn.cause is WarnCause.OVER or not (entry.is_own or is_close):
                 continue
             age_s = entry.warn.age_s + now - entry.received_at
             if not entry.is_replaced and age_s <= self._parameters.event_lifetime_s:
@@ -264,11 +267,11 @@ class Forwarding:
     def change_epoch(self, now: float) -> None:
         """Drop the own warnings, whose name is that of the last epoch; so are the followers'."""
         self._changed_at = now
-        self._messages = {key: each for key, each in self._messages.items() if each.distance != 0}
+        self._messages = {key: each for key, each in self._messages.items() if not each.is_own}
 
     def drop_others(self) -> None:
         """Drop all that other vehicles started: this vehicle has left their group."""
-        self._messages = {key: each for key, each in self._messages.items() if each.distance == 0}
+        self._messages = {key: each for key, each in self._messages.items() if each.is_own}
 
     def receive_acknowledgement(
         self, event: EventId, car_id: CarId, behind: int, now: float
@@ -312,7 +315,7 @@ class Forwarding:
             for entry in self._messages.values()
             if any((self._take_repeat(entry, now), self._take_check(entry, now)))
         ]
-        copies = (self._copy(entry, now) for entry in due if entry.distance == 0 or is_member)
+        copies = (self._copy(entry, now) for entry in due if entry.is_own or is_member)
         return [copy for copy in copies if copy is not None]
 
     def _copy(self, entry: _Message, now: float) -> Warn | None:
@@ -330,7 +333,7 @@ class Forwarding:
             reach=self._reach.of_cause(warn.cause, now),
             origin_number=origin_number,
             age_s=age_s,
-            hops=min(warn.hops + (entry.distance != 0), 255),
+            hops=min(warn.hops + (not entry.is_own), 255),
         )
 
     def _take_repeat(self, entry: _Message, now: float) -> bool:
@@ -355,7 +358,9 @@ class Forwarding:
         entry.repeats_left -= 1
         return True
 
-    def _store(self, warn: Warn, distance: int, repeat_at: float, now: float) -> None:
+    def _store(
+        self, warn: Warn, distance: int, repeat_at: float, now: float, *, is_own: bool = False
+    ) -> None:
         event = event_of(warn)
         unacknowledged = set(self._followers.ids)
         unacknowledged -= {
@@ -375,13 +380,14 @@ class Forwarding:
             repeat_at,
             now + self._parameters.acknowledge_s + self._spread_s(),
             self._parameters.warn_repeats,
+            is_own,
             unacknowledged,
         )
         horizon = now - 2 * self._parameters.event_lifetime_s
         self._messages = {
             key: old for key, old in self._messages.items() if old.received_at >= horizon
         }
-        others = [key for key, entry in self._messages.items() if entry.distance != 0]
+        others = [key for key, entry in self._messages.items() if not entry.is_own]
         for key in others[:-_MAX_MESSAGES]:
             del self._messages[key]
 

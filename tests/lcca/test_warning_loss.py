@@ -1,5 +1,6 @@
 """Warnings where messages are lost, forged or hidden."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -100,6 +101,23 @@ def test_an_impossible_reach_delays_a_warning_by_the_own_reach_only() -> None:
     warn = Warn(A, A, 1, A, 7, 65535, 1, 7, WarnCause.DECELERATION, 6.0, 0.0, 1)
     forwarding.receive_first(warn, 1, 10.0)
     assert forwarding.get_timer() == pytest.approx(10.0 + 2 * parameters.slot_s)
+
+
+def test_copies_of_a_vehicle_with_the_own_number_are_bounded_and_left_with_the_group() -> None:
+    """It follows the same vehicle, as one that cuts in, or says so."""
+    parameters, position = GroupParameters(), GroupPosition(B, 3.0, 0)
+    position.take(A, 3, 1, 9.0)
+    followers = Followers(parameters)
+    followers.receive_join(car_id("C"), 10.0)
+    forwarding = Forwarding(
+        parameters, position, followers, Reach(parameters), np.random.default_rng(0)
+    )
+    for k in range(200):
+        braking = car_id("A", k % 100), k, 0, 2, k, WarnCause.DECELERATION, 6.0, 0.0, 1
+        forwarding.receive_first(Warn(car_id("D"), A, 3, *braking), 0, 10.0)
+    assert len(forwarding.copies_to_send(is_member=True, now=10.1)) == 64
+    forwarding.drop_others()
+    assert forwarding.get_timer() == math.inf
 
 
 def test_a_candidate_behind_cancels_when_the_designated_forwarder_repeats() -> None:
