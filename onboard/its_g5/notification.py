@@ -77,7 +77,7 @@ class _Open:
     """An event of the host vehicle that lasts."""
 
     action: ActionId
-    sent_utc_s: float
+    sent_at: float
 
 
 class EventReports:
@@ -87,10 +87,10 @@ class EventReports:
         self._open: dict[_Kind, _Open] = {}
         self._station_id = b""
         self._sequence = 0
-        self._rests_since_utc_s: float | None = None
+        self._rests_since: float | None = None
 
-    def messages(self, bsm: BasicSafetyMessage, utc_s: float) -> list[Denm]:
-        """Return what is to be reported with a BSM at `utc_s`, seconds since 1970.
+    def messages(self, bsm: BasicSafetyMessage, now: float, utc_s: float) -> list[Denm]:
+        """Return what is to be reported with a BSM at `now`, which is `utc_s` since 1970.
 
         Without a position there is nothing to report.
         """
@@ -98,11 +98,10 @@ class EventReports:
         if station_id != self._station_id:  # nothing links the events to the pseudonym before
             self._open.clear()
             self._station_id, self._sequence = station_id, int.from_bytes(station_id[:2])
-        self._receive_rest(bsm, utc_s)
-        since_utc_s = self._rests_since_utc_s
-        stands = since_utc_s is not None and utc_s - since_utc_s >= STATIONARY_S
+        self._receive_rest(bsm, now)
+        stands = self._rests_since is not None and now - self._rests_since >= STATIONARY_S
         found = [
-            self._report(kind, bsm, utc_s, is_on=is_on)
+            self._report(kind, bsm, now, utc_s, is_on=is_on)
             for kind, is_on in (
                 (BRAKING, _brakes_hard(bsm)),
                 (STATIONARY, stands),
@@ -110,16 +109,16 @@ class EventReports:
         ]
         return [each for each in found if each is not None]
 
-    def _receive_rest(self, bsm: BasicSafetyMessage, utc_s: float) -> None:
+    def _receive_rest(self, bsm: BasicSafetyMessage, now: float) -> None:
         """Keep since when the vehicle has been at rest with its hazard signal on."""
         speed_m_s, lights = bsm.core.speed_m_s, bsm.safety.lights if bsm.safety else None
         if speed_m_s is None or speed_m_s > AT_REST_M_S or lights != ExteriorLights.HAZARD_SIGNAL:
-            self._rests_since_utc_s = None
-        elif self._rests_since_utc_s is None:
-            self._rests_since_utc_s = utc_s
+            self._rests_since = None
+        elif self._rests_since is None:
+            self._rests_since = now
 
     def _report(
-        self, kind: _Kind, bsm: BasicSafetyMessage, utc_s: float, *, is_on: bool
+        self, kind: _Kind, bsm: BasicSafetyMessage, now: float, utc_s: float, *, is_on: bool
     ) -> Denm | None:
         if bsm.core.latitude_deg is None or bsm.core.longitude_deg is None:
             return None
@@ -133,9 +132,9 @@ class EventReports:
             self._sequence = (self._sequence + 1) & 0xFFFF
             known = _Open(ActionId(bsm.core.temporary_id, self._sequence), -math.inf)
             self._open[kind] = known
-        elif utc_s - known.sent_utc_s < kind.interval_s - 1e-3:
+        elif now - known.sent_at < kind.interval_s - 1e-3:
             return None
-        known.sent_utc_s = utc_s
+        known.sent_at = now
         return _denm(kind, known.action, bsm, utc_s)
 
 

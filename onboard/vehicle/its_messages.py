@@ -58,7 +58,7 @@ class ItsMessages(MessageSet):
             return [Encoded(psid.CPM, cpm.encode(message), message.user_priority)]
         if not isinstance(message, BasicSafetyMessage):
             return []
-        reports = self._reports.messages(message, utc_s)
+        reports = self._reports.messages(message, now, utc_s)
         encoded = [Encoded(psid.DENM, denm.encode(each), each.user_priority) for each in reports]
         if now >= self._cam_at:
             self._cam_at = now + MINIMUM_INTERVAL_S - _ROUNDING_S

@@ -30,8 +30,13 @@ def bsm(
     return replace(SENT, core=replace(SENT.core, speed_m_s=speed_m_s), safety=safety)
 
 
+def reported(reports: EventReports, message: BasicSafetyMessage, utc_s: float) -> list[Denm]:
+    """What is reported with a BSM by a clock that is right all the time."""
+    return reports.messages(message, utc_s - UTC_S, utc_s)
+
+
 def braking(utc_s: float = UTC_S) -> Denm:
-    (report,) = EventReports().messages(bsm(brakes=True), utc_s)
+    (report,) = reported(EventReports(), bsm(brakes=True), utc_s)
     return denm.decode(denm.encode(report))
 
 
@@ -43,27 +48,40 @@ def changed(message: Denm, **management: object) -> Denm:
 
 def test_a_braking_is_one_event_updated_and_cancelled() -> None:
     reports = EventReports()
-    assert reports.messages(bsm(), UTC_S) == []
+    assert reported(reports, bsm(), UTC_S) == []
     sent = [
         each.notification.management
         for tenth in range(20)
-        for each in reports.messages(bsm(brakes=tenth < 10), UTC_S + 0.1 * tenth)
+        for each in reported(reports, bsm(brakes=tenth < 10), UTC_S + 0.1 * tenth)
     ]
     assert len(sent) == 11
     assert len({each.action for each in sent}) == 1
     assert [each.termination for each in sent] == [None] * 10 + [Termination.CANCELLATION]
     times = [each.reference_s for each in sent]
     assert times == sorted(set(times))
-    (again,) = reports.messages(bsm(brakes=True), UTC_S + 5.0)
+    (again,) = reported(reports, bsm(brakes=True), UTC_S + 5.0)
     assert again.notification.management.action != sent[0].action
+
+
+@pytest.mark.parametrize("set_by_s", [-3600.0, 3600.0])
+def test_a_clock_that_is_set_changes_no_interval(set_by_s: float) -> None:
+    """Nor does it begin or end an event."""
+    reports, stands = EventReports(), bsm(brakes=True, hazard=True, speed_m_s=0.0)
+    messages = [
+        each
+        for tenth in range(290)
+        for each in reports.messages(stands, tenth / 10, UTC_S + set_by_s * (tenth >= 5))
+    ]
+    assert len(messages) == 290
+    assert {each.notification.situation.event.cause for each in messages} == {99}  # type: ignore[union-attr]
 
 
 def test_a_new_pseudonym_has_a_new_event_and_no_end_of_the_old_one() -> None:
     reports = EventReports()
-    (first,) = reports.messages(bsm(brakes=True), UTC_S)
+    (first,) = reported(reports, bsm(brakes=True), UTC_S)
     other = bsm(brakes=True)
     other = replace(other, core=replace(other.core, temporary_id=b"next"))
-    (second,) = reports.messages(other, UTC_S + 0.1)
+    (second,) = reported(reports, other, UTC_S + 0.1)
     assert second.notification.management.action.station_id == b"next"
     assert second.station_id != first.station_id
 
@@ -73,13 +91,13 @@ def test_a_vehicle_that_stands_with_its_hazard_signal_says_so_once_a_second() ->
     sent = [
         (tenth / 10, each)
         for tenth in range(400)
-        for each in reports.messages(bsm(hazard=True, speed_m_s=0.0), UTC_S + tenth / 10)
+        for each in reported(reports, bsm(hazard=True, speed_m_s=0.0), UTC_S + tenth / 10)
     ]
     assert [at for at, _ in sent] == pytest.approx([30.0 + n for n in range(10)], abs=0.11)
     assert {
         each.notification.situation.event.cause for _, each in sent if each.notification.situation
     } == {94}
-    (end,) = reports.messages(bsm(hazard=True, speed_m_s=3.0), UTC_S + 40.0)
+    (end,) = reported(reports, bsm(hazard=True, speed_m_s=3.0), UTC_S + 40.0)
     assert end.notification.management.termination is Termination.CANCELLATION
 
 
@@ -99,8 +117,8 @@ def test_a_received_braking_is_the_bsm_of_its_vehicle_with_the_flag() -> None:
 
 def test_a_standing_vehicle_stands() -> None:
     reports = EventReports()
-    reports.messages(bsm(hazard=True, speed_m_s=0.0), UTC_S - 31.0)
-    (sent,) = reports.messages(bsm(hazard=True, speed_m_s=0.0), UTC_S)
+    reported(reports, bsm(hazard=True, speed_m_s=0.0), UTC_S - 31.0)
+    (sent,) = reported(reports, bsm(hazard=True, speed_m_s=0.0), UTC_S)
     found = ReceivedEvents().bsm_of(sent, None, UTC_S)
     assert found is not None
     assert found.safety is not None

@@ -227,7 +227,7 @@ def test_bad_frames_are_counted_each_with_its_reason() -> None:
 
 
 def test_an_event_is_for_who_is_in_its_area_and_brakes_once() -> None:
-    (report,) = EventReports().messages(bsm(brakes=True), UTC_S + 0.1)
+    (report,) = EventReports().messages(bsm(brakes=True), 0.1, UTC_S + 0.1)
     data = denm.encode(report)
 
     def to(area: Area) -> bytes:
