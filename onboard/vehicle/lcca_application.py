@@ -34,6 +34,9 @@ from onboard.security.pseudonyms import Pseudonym
 from onboard.security.security_services import CLOCK_TOLERANCE_S
 from onboard.trace.trace_line import Event
 
+LEAD_VALID_S = 1.0
+"""Of a lead that the camera has shown: without frames, the group leaves it as soon."""
+
 
 class LccaApplication:
     """Sends and receives LCCA messages, in values; the timers of its cores are handled by others.
@@ -96,15 +99,18 @@ class LccaApplication:
         utc_s = self._utc_s(now)
         tracked = TrackedLead.of(lead, lambda text: self._digest.car_id(text, utc_s))
         self.identification.receive_lead(tracked, now)
-        self.follow_lead(now)
+        self._follow(lead, now)
         if self._claims is not None:
             self._claims.receive_identified(self._identified_signers())
 
     def follow_lead(self, now: float) -> None:
-        """Hand the lead to the warning group, under its ID if it is identified."""
+        """Hand the lead of the last frame to the warning group anew: its ID has changed."""
         lead = self._lead
-        if lead is None:
-            return
+        if lead is not None and now - lead.stamp_s <= LEAD_VALID_S:
+            self._follow(lead, now)
+
+    def _follow(self, lead: Lead, now: float) -> None:
+        """Hand a lead to the warning group, under its ID if it is identified."""
         vehicle = None
         if lead.gap_m is not None:
             identity = self.identification.identity

@@ -212,3 +212,16 @@ def test_the_leads_next_id_is_known_by_its_plate() -> None:
         car.lcca.change_pseudonym(car.pseudonym(ends_at), ends_at)
         car.lcca.follow_lead(ends_at)
     assert behind.lcca.group.leader_id == ahead.digest.car_id(AHEAD, UTC_S + ends_at)
+
+    assert behind.lcca.group.leader_id == next_id
+
+
+def test_a_lead_of_a_camera_that_is_lost_is_not_joined_at_the_next_epoch(pair: Pair) -> None:
+    behind = pair.cars[BEHIND]
+    for _ in range(250):
+        pair.now += 0.02
+        behind.step(None, pair.now)
+    assert behind.lcca.group.state is GroupState.REGULAR
+    behind.lcca.change_pseudonym(behind.pseudonym(pair.now + 300.0), pair.now)
+    behind.lcca.follow_lead(pair.now)
+    assert behind.lcca.messages_to_send(pair.now) == []
