@@ -344,7 +344,7 @@ class Releases:
 
     def _starts(self) -> int:
         name, _, number = self._read("starts").partition(" ")
-        return int(number) if name == self.named("current") and number.isdecimal() else 0
+        return int(number) if name == str(self.named("current")) and number.isdecimal() else 0
 
     def _write_starts(self, number: int) -> None:
         _write(self._home / "starts", f"{self.named('current')} {number}")

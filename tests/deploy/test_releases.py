@@ -57,6 +57,16 @@ def test_a_release_that_dies_three_times_is_left_for_the_good_one(releases: Rele
     assert (releases.named("current"), releases.failed) == (OLD, NEW)
 
 
+def test_a_release_that_the_disk_has_lost_is_left_for_the_good_one(
+    releases: Releases, tmp_path: Path
+) -> None:
+    releases.switch(NEW)
+    shutil.rmtree(tmp_path / "opt/onboard/releases" / NEW)
+    for _ in range(4):
+        releases.started()
+    assert releases.named("current") == OLD
+
+
 def unit(root: Path) -> str:
     return (root / "etc/systemd/system/onboard.service").read_text()
 
