@@ -50,13 +50,16 @@ class OwnBraking:
     def receive_hard_brake(self, brake: HardBrake, own_id: CarId, now: float) -> None:
         """Take a change of the braking; it is to be sent now."""
         is_test = brake.cause is BrakeCause.TEST and not brake.is_over
+        test_until = now + self._parameters.test_warning_s if is_test else math.inf
         if self.cause is WarnCause.OVER:
             if brake.is_over:
                 return
             self.origin_id, self.first_sequence = own_id, None
-        elif is_test and self.cause is not WarnCause.TEST:
+        elif is_test:
+            if self.cause is WarnCause.TEST:  # it goes on: nothing changes that is to be sent
+                self._test_until = test_until
             return
-        self._test_until = now + self._parameters.test_warning_s if is_test else math.inf
+        self._test_until = test_until
         self._brake, self._send_at, self._is_new = brake, now, True
 
     def rename(self, own_id: CarId, now: float) -> None:

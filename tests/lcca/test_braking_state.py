@@ -157,6 +157,17 @@ def test_the_button_warns_of_a_test_that_ends_by_itself() -> None:
     assert road.cars["C"].warnings[0].cause is BrakeCause.TEST
 
 
+def test_a_button_that_is_pressed_again_and_again_sends_no_more_warnings() -> None:
+    """A program may press it for the driver, as often as it likes."""
+    road = row("AB")
+    for _ in range(30):
+        road.brake("A", 4.0, BrakeCause.TEST)
+        road.run(0.02)
+    assert len(road.warns()) == 1
+    road.run(2.0)
+    assert braking_ahead(road.cars["B"]) == ["warning", "warning_over"]
+
+
 def test_a_real_braking_takes_the_place_of_a_test_and_not_the_other_way_round() -> None:
     road = row("ABC")
     road.brake("A", 4.0, BrakeCause.TEST)
