@@ -105,8 +105,8 @@ def test_an_impossible_reach_delays_a_warning_by_the_own_reach_only() -> None:
 
 def test_copies_of_a_vehicle_with_the_own_number_are_bounded_and_left_with_the_group() -> None:
     """It follows the same vehicle, as one that cuts in, or says so."""
-    parameters, position = GroupParameters(), GroupPosition(B, 3.0, 0)
-    position.take(A, 3, 1, 9.0)
+    parameters, position = GroupParameters(), GroupPosition(B, 0)
+    position.take(A, 3, 1)
     followers = Followers(parameters)
     followers.receive_join(car_id("C"), 10.0)
     forwarding = Forwarding(
