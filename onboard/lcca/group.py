@@ -22,6 +22,7 @@ from onboard.lcca.membership import Membership
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.transitions import GroupEvent, GroupState, next_state
 from onboard.messages.lcca import (
+    NO_ID,
     CarId,
     GroupMessage,
     Join,
@@ -124,7 +125,8 @@ class WarningGroup(Core):
                 self._adjacent_ids.receive_next(lead.car_id, lead.next_id)
             if lead.previous_id is not None:
                 self._adjacent_ids.receive_previous(lead.car_id, lead.previous_id)
-                self._rename({lead.previous_id: lead.car_id})
+                names = {lead.previous_id: lead.car_id}
+                self._rename(Renamed(names, names))
         self._lead_monitor.receive_lead(lead, now, is_unknown=is_unknown)
         self._membership.receive_frame(self._position.own_id, now)
         self._join_if_due(now)
@@ -148,8 +150,7 @@ class WarningGroup(Core):
     def set_own_id(self, car_id: CarId, now: float) -> None:
         """Take the own ID of a new epoch; all vehicles change theirs at about this time.
 
-        Sequence numbers begin anew, so that they do not link the IDs. Followers take a leader's new
-        ID as they take another leader.
+        Sequence numbers begin anew, so that they do not link the IDs.
         """
         self._rename(self._adjacent_ids.change_epoch(self._position.own_id, car_id, now))
         self._position.advance(int(self._rng.integers(1, LARGEST_ADVANCE)))
@@ -157,10 +158,10 @@ class WarningGroup(Core):
         self._warnings.change_epoch(now)
 
     def _rename(self, names: Renamed) -> None:
-        before = self._position.in_group
-        for part in (self._position, self._lead_monitor, self._membership, self._warnings):
-            part.rename(names)
-        self._announce(before)
+        self._position.rename(names.leaders)
+        self._lead_monitor.rename(names.cars)
+        self._membership.rename(names.cars)
+        self._warnings.rename(names.cars)
 
     def receive_message(self, message: GroupMessage, now: float) -> None:
         """Take a message from the radio, to whichever vehicle it is addressed."""
@@ -246,6 +247,8 @@ class WarningGroup(Core):
             return
         self._membership.receive_reply(reply, newer=newer, now=now)
         self._lead_monitor.receive_speed_on_air(reply.sender_id, reply.speed_m_s, now)
+        if NO_ID != reply.next_leader_id != position.own_id:
+            self._adjacent_ids.receive_next_leader(reply.leader_id, reply.next_leader_id)
         joins = reply.sender_id != followed
         if joins and followed is not None:
             self._send_leave(followed, LeaveReason.FOLLOWS_ANOTHER)
@@ -262,7 +265,7 @@ class WarningGroup(Core):
         self._position.become_first()
         event = GroupEvent.LEFT_LEADING if self._followers else GroupEvent.LEFT_ALONE
         self._apply_event(event, reason.name.lower(), now)
-        self._announce(before)
+        self._announce(before, now)
 
     def _send_leave(self, to_id: CarId, reason: LeaveReason) -> None:
         self._outbox.append(Leave(*self._position.header, to_id, reason))
@@ -284,7 +287,7 @@ class WarningGroup(Core):
             event = GroupEvent.RENUMBERED
         if event is not None:
             self._apply_event(event, cause, now)
-        self._announce(before)
+        self._announce(before, now)
         self._events.extend(self._warnings.judge_again(self._state, now))
         self._join_if_due(now)
 
@@ -310,6 +313,7 @@ class WarningGroup(Core):
             sequence=join.sequence,
             leader_sequence=self._position.next_leader_sequence(),
             speed_m_s=self._lead_monitor.speed_at(now),
+            next_leader_id=self._adjacent_ids.next_of(self._position.leader_id),
         )
 
     def _receive_leave(self, leave: Leave, now: float) -> None:
@@ -318,10 +322,11 @@ class WarningGroup(Core):
 
     # Updates and warnings
 
-    def _announce(self, before: tuple[CarId, int]) -> None:
+    def _announce(self, before: tuple[CarId, int], now: float) -> None:
         """Send an update if the own position has changed and there are followers."""
         position = self._position
-        if before != position.in_group and self._followers:
+        is_renamed = before[1] == position.number and self._adjacent_ids.is_changing(now)
+        if before != position.in_group and not is_renamed and self._followers:
             self._outbox.append(Update(*position.header, position.leader_sequence))
 
     def _receive_update(self, update: Update, now: float) -> None:

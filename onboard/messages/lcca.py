@@ -19,7 +19,7 @@ from onboard.errors import DecodeError
 from onboard.messages.fields import FixedPoint, OctetString, OpenEnumerated, SequenceOf, Unsigned
 from onboard.messages.record import Record
 
-VERSION = 5
+VERSION = 4
 
 SIBLING_BYTES, MAX_PROOF = 12, 16
 """Size and greatest number of the siblings in a proof (`onboard/security/id_commitment.py`)."""
@@ -98,6 +98,9 @@ class Reply:
     """The leader's count of its replies, as far as it has come down to the sender."""
     speed_m_s: _Speed
     """Speed of the sender, for comparison with the follower's camera."""
+    next_leader_id: _CarId
+    """The leader's ID of the next epoch, masked (`onboard/lcca/epoch_ids.py`); `NO_ID` if it is
+    not known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
-from onboard.lcca.epoch_ids import ADJACENT_S
+from onboard.lcca.epoch_ids import ADJACENT_S, OWN_NEXT_S
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.lcca.identification import MIN_ASKED
 from onboard.messages.lcca import MAX_NAMES
@@ -18,7 +18,7 @@ from onboard.observations import Lead
 from onboard.security.plate_digest import PlateDigest
 from onboard.thread_priority import lower_thread_priority
 
-EPOCH_AHEAD_S = 70.0
+EPOCH_AHEAD_S = OWN_NEXT_S + 10.0
 """Time before the start of an epoch at which its IDs are derived: before the step needs the own
 one, which would otherwise be derived there."""
 
@@ -138,5 +138,5 @@ def next_derivation(
 
 
 def _times_in_step(utc_s: float) -> tuple[float, ...]:
-    """Times whose IDs a step within `STEP_WITHIN_S` needs, as `car_ids` does."""
+    """Times whose IDs a step within `STEP_WITHIN_S` needs, as `EpochIds.of` does."""
     return utc_s, utc_s + STEP_WITHIN_S, utc_s - ADJACENT_S

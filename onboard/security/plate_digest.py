@@ -15,7 +15,7 @@ from onboard.security.settings import PlateDigestSettings
 _LOOK_ALIKES = str.maketrans("OI", "01")
 """Pairs that many plate fonts draw alike: a misread one still gives the right ID."""
 
-_ID_BYTES = 8
+_ID_BYTES, _SECRET_BYTES = 8, 16
 
 _CACHE_SIZE = 256
 """Derivations kept, the least recently used dropped first. A lead's 16 candidates in this epoch and
@@ -42,11 +42,15 @@ class PlateDigest:
         Raises:
             ValueError: the plate has no letter and no digit.
         """
-        plate, epoch = normalised(plate_text), self.epoch(utc_s)
-        derived = self._derived(plate, epoch)
-        if not derived:
-            derived.append(self._derive(plate, epoch))
-        return derived[0][:_ID_BYTES]  # recordings of older builds hold more
+        return self._digest(plate_text, utc_s)[:_ID_BYTES]
+
+    def secret(self, plate_text: str, utc_s: float) -> bytes:
+        """Return 16 bytes that, like the ID, follow from the plate, but are never sent.
+
+        Raises:
+            ValueError: the plate has no letter and no digit.
+        """
+        return self._digest(plate_text, utc_s)[_ID_BYTES:]
 
     def is_derived(self, plate_text: str, utc_s: float) -> bool:
         """Whether `car_id` returns at once.
@@ -68,6 +72,13 @@ class PlateDigest:
         """Return the number of the epoch at `utc_s`; the same for all cars."""
         return math.floor(utc_s / self._settings.epoch_s)
 
+    def _digest(self, plate_text: str, utc_s: float) -> bytes:
+        plate, epoch = normalised(plate_text), self.epoch(utc_s)
+        derived = self._derived(plate, epoch)
+        if not derived:
+            derived.append(self._derive(plate, epoch))
+        return derived[0]
+
     def _derive(self, plate: str, epoch: int) -> bytes:
         n = 1 << self._settings.scrypt_log2_n
         key = self._settings.community_key.get_secret_value().encode()
@@ -78,7 +89,7 @@ class PlateDigest:
             r=8,
             p=1,
             maxmem=128 * 8 * n + 1_000_000,  # OpenSSL takes less than 2 GiB
-            dklen=_ID_BYTES,
+            dklen=_ID_BYTES + _SECRET_BYTES,  # its length leaves the first bytes as they are
         )
 
 

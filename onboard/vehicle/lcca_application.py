@@ -1,7 +1,7 @@
 """LCCA of one vehicle: its group, the identification of the lead, and what both are given.
 
 Both know vehicles by their communication IDs and rely on what they are given. Here plates become
-IDs, and what is not credible is refused.
+IDs, IDs of adjacent epochs are masked on the air, and what is not credible is refused.
 """
 
 from collections import deque
@@ -12,7 +12,7 @@ import numpy as np
 
 from onboard.core import Core
 from onboard.lcca.asking import ReplyLimit
-from onboard.lcca.epoch_ids import CarIds, car_ids
+from onboard.lcca.epoch_ids import CarIds, EpochIds
 from onboard.lcca.events import (
     BrakingStatement,
     MeasuredLead,
@@ -69,7 +69,7 @@ class LccaApplication:
             claims: knows which signers are credible; `None`: all are.
         """
         self._digest = digest
-        self._plate = plate
+        self._epoch_ids = EpochIds(digest, plate)
         self.utc_offset_s = utc_offset_s
         self._misbehaviour = misbehaviour
         self._claims = claims
@@ -116,7 +116,7 @@ class LccaApplication:
             identity = self.identification.identity
             ids = CarIds(None if identity is None else identity.car_id)
             if identity is not None and identity.text is not None:
-                ids = car_ids(self._digest, identity.text, self._utc_s(now))
+                ids = self._epoch_ids.of(identity.text, self._utc_s(now))
             vehicle = MeasuredLead(
                 ids.present, lead.gap_m, lead.closing_speed_m_s, ids.previous, ids.following
             )
@@ -130,7 +130,7 @@ class LccaApplication:
 
     def prepare_next_epoch(self, now: float) -> None:
         """Tell the group the own ID of the next epoch when that is near."""
-        next_id = car_ids(self._digest, self._plate, self._utc_s(now)).following
+        next_id = self._epoch_ids.own_next(self._utc_s(now))
         if next_id is not None:
             self.group.receive_next_own_id(next_id)
 
@@ -194,8 +194,12 @@ class LccaApplication:
             yield from self._taken()
 
     def messages_to_send(self, now: float) -> list[lcca.LccaMessage]:
-        """Return the messages to send, the group's first; clear the outbox."""
-        return [*self.group.messages_to_send(now), *self.identification.messages_to_send()]
+        """Return the messages to send, the group's first, with masked IDs; clear the outbox."""
+        messages: list[lcca.LccaMessage] = [
+            self._epoch_ids.to_send(message, self._utc_s(now))
+            for message in self.group.messages_to_send(now)
+        ]
+        return messages + self.identification.messages_to_send()
 
     def _taken(self) -> Iterator[Event]:
         while self._events:
@@ -222,7 +226,8 @@ class LccaApplication:
                 return
             if not self._misbehaviour.is_id_unique(message.sender_id):
                 message = message.without_acknowledgement()
-        self.group.receive_message(message, now)
+        clear = self._epoch_ids.received(message, self._lead_text, self._utc_s(now))
+        self.group.receive_message(clear, now)
 
     def _refuses(
         self, message: lcca.GroupMessage, signer: bytes, heading_rad: float | None, now: float
@@ -265,6 +270,12 @@ class LccaApplication:
         if self._claims is None or warn.cause in (lcca.WarnCause.OVER, lcca.WarnCause.TEST):
             return False
         return self._claims.is_refused(warn.event_origin_id.hex(), claimant or NOBODY, now)
+
+    @property
+    def _lead_text(self) -> str | None:
+        """Plate of the lead, if it is identified by it."""
+        identity = self.identification.identity
+        return None if identity is None else identity.text
 
     def _utc_s(self, now: float) -> float:
         return now + self.utc_offset_s

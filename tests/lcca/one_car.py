@@ -7,7 +7,7 @@ import numpy as np
 from onboard.lcca.events import MeasuredLead, Transition
 from onboard.lcca.group import WarningGroup
 from onboard.lcca.parameters import GroupParameters
-from onboard.messages.lcca import CarId, GroupMessage, Join, Reply
+from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Join, Reply
 from onboard.observations import Discarded
 from tests.lcca.road import car_id
 
@@ -50,7 +50,9 @@ class OneCar:
 def answer(
     join: Join, leader: CarId = A, number: int = 1, leader_sequence: int = 10, speed: float = 20.0
 ) -> Reply:
-    return Reply(join.to_id, leader, number, join.sender_id, join.sequence, leader_sequence, speed)
+    return Reply(
+        join.to_id, leader, number, join.sender_id, join.sequence, leader_sequence, speed, NO_ID
+    )
 
 
 def member_of_a(**settings: Any) -> OneCar:

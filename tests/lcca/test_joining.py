@@ -150,14 +150,14 @@ def test_a_reply_names_the_position_at_its_sending() -> None:
 
 def test_a_reply_without_a_join_is_refused() -> None:
     car = OneCar()
-    assert car.hears(Reply(A, A, 1, B, 0, 10, 20.0), 0.0) == ["not_asked"]
+    assert car.hears(Reply(A, A, 1, B, 0, 10, 20.0, NO_ID), 0.0) == ["not_asked"]
 
 
 def test_a_reply_is_accepted_once_and_only_for_a_join_that_was_sent() -> None:
     car = OneCar()
     car.sees(A, 0.0)
     join = car.asks(0.0)
-    early = Reply(A, A, 1, B, (join.sequence + 1) % 65536, 10, 20.0)
+    early = Reply(A, A, 1, B, (join.sequence + 1) % 65536, 10, 20.0, NO_ID)
     assert car.hears(early, 0.0) == ["stale"]
     assert car.hears(answer(join), 0.0) == ["joined"]
     assert car.hears(answer(join), 0.0) == ["stale"]

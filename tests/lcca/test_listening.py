@@ -28,7 +28,7 @@ class Listener:
         self.group.receive_lead(MeasuredLead(A, 20.0, 0.0), 0.0)
         (join,) = self.group.messages_to_send(0.0)
         assert isinstance(join, Join)
-        self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0))
+        self.hears(Reply(A, A, 1, B, join.sequence, 10, 20.0, NO_ID))
         self.hears(Join(C, A, 3, B, 0, NO_ID, 0))
         self.group.messages_to_send(0.0)
 

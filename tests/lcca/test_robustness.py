@@ -99,7 +99,7 @@ def test_any_sequence_of_inputs_leaves_a_consistent_state(
             case "answer" if last_join is not None:
                 leader_sequence = int(now * 10) % 65536
                 answer = Reply(
-                    last_join.to_id, A, 3, OWN, last_join.sequence, leader_sequence, None
+                    last_join.to_id, A, 3, OWN, last_join.sequence, leader_sequence, None, A
                 )
                 group.receive_message(answer, now)
             case "brake":

@@ -35,33 +35,33 @@ A, B, C = b"car-aaaa", b"car-bbbb", b"car-cccc"
 EXAMPLES: list[tuple[LccaMessage, str]] = [
     (
         Join(B, B, 1, A, 7, A, 258),
-        "05 01 00" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102",
+        "04 01 00" + B.hex() + B.hex() + "0001" + A.hex() + "0007" + A.hex() + "0102",
     ),
     (
-        Reply(A, A, 1, B, 7, 99, 20.0),
+        Reply(A, A, 1, B, 7, 99, 20.0, C),
         # 20.0 m/s is 2000 steps of 0.01
-        "05 02 00" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0",
+        "04 02 00" + A.hex() + A.hex() + "0001" + B.hex() + "0007 0063 07d0" + C.hex(),
     ),
     (
         Leave(B, A, 2, A, LeaveReason.NOT_AHEAD),
-        "05 03 00" + B.hex() + A.hex() + "0002" + A.hex() + "02",
+        "04 03 00" + B.hex() + A.hex() + "0002" + A.hex() + "02",
     ),
     (
         Update(B, A, 3, 99),
-        "05 04 00" + B.hex() + A.hex() + "0003 0063",
+        "04 04 00" + B.hex() + A.hex() + "0003 0063",
     ),
     (
         Warn(C, A, 3, A, 6, 2, 1, 5, WarnCause.DECELERATION, 7.5, 0.042, 2),
-        "05 05 00" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 0005 02 4b 002a 02",
+        "04 05 00" + C.hex() + A.hex() + "0003" + A.hex() + "0006 0002 0001 0005 02 4b 002a 02",
     ),
     (
         Inquiry(B, 7, (A[:4], C[:4])),
         # 4 bits count the names after the first; 4 bits of padding end the message
-        "05 06 00" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
+        "04 06 00" + B.hex() + "0007" + f"1{A[:4].hex()}{C[:4].hex()}0",
     ),
     (
         Answer(A, B, 7, b"temp", 20.0),
-        "05 07 00" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0",
+        "04 07 00" + A.hex() + B.hex() + "0007" + b"temp".hex() + "07d0",
     ),
 ]
 
@@ -122,7 +122,7 @@ def test_the_proof_stands_before_the_fields() -> None:
     siblings = (b"sibling one.", b"sibling two.")
     assert (
         encode(message, siblings)
-        == bytes.fromhex("05 03 02") + b"".join(siblings) + bytes.fromhex(wire)[3:]
+        == bytes.fromhex("04 03 02") + b"".join(siblings) + bytes.fromhex(wire)[3:]
     )
 
 

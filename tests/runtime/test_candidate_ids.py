@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from onboard.lcca.epoch_ids import ADJACENT_S, car_ids
+from onboard.lcca.epoch_ids import ADJACENT_S, OWN_NEXT_S, EpochIds
 from onboard.lcca.events import Identified, IdentityLost
 from onboard.messages.lcca import MAX_NAMES
 from onboard.observations import Lead, LeadIdentity, PlateCandidate
@@ -78,7 +78,7 @@ def test_what_is_handed_in_lets_a_step_derive_nothing() -> None:
         CandidateIds(digest, OWN).derived(lead("AB123", text="AB123"), utc_s)
         derived_before = digest.is_derived("AB123", utc_s - ADJACENT_S)
 
-        ids = car_ids(digest, "AB123", utc_s)
+        ids = EpochIds(digest, OWN).of("AB123", utc_s)
 
         assert derived_before
         assert (ids.previous is not None) is (since_s < ADJACENT_S)
@@ -233,7 +233,7 @@ def test_a_new_lead_comes_before_the_rest_of_the_one_before(running: Running) ->
 
 
 def test_the_own_next_id_is_due_before_a_step_needs_it() -> None:
-    latest_look_s = EPOCH_END_S - ADJACENT_S - WAKE_S
+    latest_look_s = EPOCH_END_S - OWN_NEXT_S - WAKE_S
     digest = PlateDigest(PlateDigestSettings(scrypt_log2_n=1))
     digest.car_id("OWN1", latest_look_s)
 

@@ -201,17 +201,22 @@ def test_another_signer_does_not_speak_for_the_lead(pair: Pair) -> None:
     assert refusals(events) == ["another_signer"]
 
 
-def test_the_leads_next_id_is_known_by_its_plate() -> None:
+def test_the_next_id_is_sent_before_the_epoch_ends_and_masked_on_the_air() -> None:
     pair = Pair(epoch_s=70.0)
     ahead, behind = pair.cars.values()
     pair.drive(2.0)
     ends_at = ahead.pseudonym(0.0).ends_at_utc_s - UTC_S
-    pair.now = ends_at - 3.0
+    pair.now = ends_at - 50.0
     pair.drive(2.0)
+    next_id = ahead.digest.car_id(AHEAD, UTC_S + ends_at)
+    sent = [each.next_leader_id for each in pair.on_air if isinstance(each, lcca.Reply)]
+
+    assert set(sent) - {lcca.NO_ID}
+    assert next_id not in sent
     for car in (ahead, behind):
         car.lcca.change_pseudonym(car.pseudonym(ends_at), ends_at)
         car.lcca.follow_lead(ends_at)
-    assert behind.lcca.group.leader_id == ahead.digest.car_id(AHEAD, UTC_S + ends_at)
+    assert behind.lcca.group.leader_id == next_id
 
 
 def test_a_lead_of_a_camera_that_is_lost_is_not_joined_at_the_next_epoch(pair: Pair) -> None:

@@ -62,7 +62,7 @@ def test_an_honest_group_lasts_over_a_change_of_ids_though_clocks_differ() -> No
 def forgeries(lead: CarId, follower: CarId) -> Iterator[LccaMessage]:
     """What an insider sends under the IDs of a leader and its follower."""
     yield lcca.Join(follower, lead, 2, lead, 900, lcca.NO_ID, 0)
-    yield lcca.Reply(lead, lead, 1, follower, 900, 900, SPEED_M_S)
+    yield lcca.Reply(lead, lead, 1, follower, 900, 900, SPEED_M_S, lcca.NO_ID)
     yield lcca.Leave(follower, lead, 2, lead, lcca.LeaveReason.GAP)
     yield lcca.Update(lead, lead, 6, 900)
     yield lcca.Warn(lead, lead, 1, lead, 900, 1, 1, 900, lcca.WarnCause.DECELERATION, 7.0, 0.0, 1)

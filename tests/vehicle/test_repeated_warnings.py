@@ -209,7 +209,10 @@ def test_who_passes_on_what_is_elsewhere_silences_no_other_forwarder() -> None:
 
 @pytest.mark.long
 def test_a_braking_that_lasts_is_named_by_the_new_id_after_a_change() -> None:
-    """By an ID that its vehicle proves. Who knows its plate goes on, others raise it again."""
+    """By an ID that its vehicle proves; where its next ID is known by its plate, it goes on.
+
+    Others raise it again, whatever their predecessor says of the leader's next ID.
+    """
     platoon = driven(30.0, start_s=10.0)
     changes_at = 30.0 - (UTC_S + 10.0) % 30.0
     platoon.drive(changes_at - platoon.now - 0.5)

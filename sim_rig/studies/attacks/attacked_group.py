@@ -75,6 +75,7 @@ class AttackedGroup:
         checks: bool = True,
         reach: int = len(PLATES),
         plate: float = READ,
+        ahead: str | None = None,
     ) -> None:
         """Start at time 0, which is `utc_s`.
 
@@ -85,6 +86,7 @@ class AttackedGroup:
             checks: whether brakings and claims are checked.
             reach: vehicles ahead and behind that each receives.
             plate: probability of the text that cameras read on the plate ahead; 0: of none.
+            ahead: plate of a vehicle ahead of the first one, which is no vehicle of the group.
         """
         self.now = 0.0
         self.leader_ids: list[CarId] = []
@@ -101,7 +103,7 @@ class AttackedGroup:
         """Of the leader."""
         self.speed_m_s = SPEED_M_S
         """Of all."""
-        self._reach, self._plate = reach, plate
+        self._reach, self._plate, self._ahead = reach, plate, ahead
         self._utc_s = utc_s
         self._digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
         self._inputs: dict[str, list[Input]] = {plate: [] for plate in PLATES}
@@ -200,7 +202,7 @@ class AttackedGroup:
             self._inputs[plate] += [fix, Speed(self.now, speed_m_s, 0.1, "dbc"), self._lead(number)]
 
     def _lead(self, number: int) -> Lead:
-        text = PLATES[number - 1] if number else None
+        text = PLATES[number - 1] if number else self._ahead
         if text is None:
             return Lead(self.now, LeadIdentity.NO_LEAD)
         if not self._plate:

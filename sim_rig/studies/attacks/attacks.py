@@ -41,6 +41,7 @@ from sim_rig.studies.attacks.forged_messages import (
     ForgedTests,
     Mimicry,
     MimicryUnread,
+    NextLeader,
     OtherEpochs,
     SilentMimicry,
     StatementFlood,
@@ -96,6 +97,7 @@ class AttackKind(StrEnum):
     JOINS = "acknowledgements of what others have yet to receive"
     REPLIES = "replies to the joins of others"
     ANSWERS = "BSMs from there under the leader's temporary ID, plates badly read"
+    NEXT_LEADER = "a leader whose next ID is that of a member"
     OTHER_EPOCHS = "brakings under IDs of other epochs"
     STATEMENTS = "256 statements of brakings at each of the leader's"
     NONE_IN_GROUP = "none"
@@ -422,6 +424,7 @@ IMPOSTURES: dict[AttackKind, type[Imposture]] = {
     AttackKind.JOINS: ForgedJoins,
     AttackKind.REPLIES: ForgedReplies,
     AttackKind.ANSWERS: ForgedAnswers,
+    AttackKind.NEXT_LEADER: NextLeader,
     AttackKind.LEAVES: ForgedLeaves,
     AttackKind.OTHER_EPOCHS: OtherEpochs,
     AttackKind.STATEMENTS: StatementFlood,

@@ -63,15 +63,35 @@ class ForgedJoins(Imposture):
 
 
 class ForgedReplies(Imposture):
-    """Answers each join for the vehicle that was to answer."""
+    """Answers each join for the vehicle that was to answer, and names the follower as next."""
 
     @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
         """Answer before that vehicle does."""
         if isinstance(message, Join):
             own, follower = self.insider.own_id(now), message.sender_id
-            reply = Reply(own, own, 1, follower, message.sequence, 9, SPEED_M_S)
-            yield self.insider.signed(reply, now)
+            yield self.insider.signed(
+                Reply(own, own, 1, follower, message.sequence, 9, SPEED_M_S, follower), now
+            )
+
+
+class NextLeader(Imposture):
+    """Drives ahead of the group, leads it, and names its members as its own next ID."""
+
+    leads: ClassVar[bool] = True
+
+    @override
+    def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
+        """Answer who asks for it, and who joins it."""
+        own, asks = self.insider.own_id(now), message.sender_id
+        if isinstance(message, Inquiry):
+            evil = self.insider.temporary_id
+            answer = Answer(own, asks, message.sequence, evil, SPEED_M_S)
+            yield self.insider.signed(answer, now)
+        elif isinstance(message, Join) and message.to_id == own:
+            member = self.plates.car_id(FOLLOWERS[0], now)
+            reply = Reply(own, own, 1, asks, message.sequence, 1, SPEED_M_S, member)
+            yield self.insider.signed(self.insider.masked(reply, now), now)
 
 
 class Mimicry(Imposture):

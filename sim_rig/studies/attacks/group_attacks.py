@@ -10,8 +10,9 @@ from functools import partial
 
 import numpy as np
 
+from onboard.lcca.epoch_ids import EpochIds
 from onboard.messages import lcca
-from onboard.messages.lcca import CarId, LccaMessage, Warn, WarnCause
+from onboard.messages.lcca import CarId, GroupMessage, LccaMessage, Reply, Warn, WarnCause
 from onboard.security.credentials import Credentials
 from onboard.security.p256 import key_from
 from onboard.security.plate_digest import PlateDigest
@@ -160,6 +161,7 @@ class GroupInsider:
             utc_s: seconds since 1970.
         """
         self._utc_s = utc_s
+        self._epoch_ids = EpochIds(digest, plate)
         self._signer = Signer(keys, utc_s, plate[-4:].encode())
         self._pseudonyms = Pseudonyms(plate, digest, keys, np.random.default_rng(1))
 
@@ -167,6 +169,10 @@ class GroupInsider:
     def temporary_id(self) -> bytes:
         """Of its BSMs."""
         return self._signer.temporary_id
+
+    def masked(self, reply: Reply, now: float) -> GroupMessage:
+        """Return an own reply as it is sent: only who reads the plate knows the next ID in it."""
+        return self._epoch_ids.to_send(reply, self._utc_s + now)
 
     def own_id(self, now: float) -> CarId:
         """Return the communication ID of its vehicle."""

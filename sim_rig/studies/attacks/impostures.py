@@ -14,6 +14,7 @@ from typing_extensions import override
 from onboard.messages.lcca import (
     MAX_NAMES,
     NAME_BYTES,
+    NO_ID,
     Answer,
     CarId,
     Inquiry,
@@ -59,6 +60,8 @@ class Imposture:
     """Vehicles ahead and behind that a vehicle of the group receives; insiders reach all."""
     plate: ClassVar[float] = READ
     """Probability of the text that cameras read on the plate ahead."""
+    leads: ClassVar[bool] = False
+    """Whether the first insider drives ahead of the group."""
 
     def __init__(self, insider: GroupInsider, group: AttackedGroup, plates: "Plates") -> None:
         """Begin with the attack."""
@@ -108,7 +111,7 @@ class Hijack(Imposture):
         yield self.insider.signed(own, now)
         yield self.insider.signed(replace(own, cause=WarnCause.OVER), now)
         yield self.insider.signed(replace(own, sender_id=self.insider.own_id(now)), now)
-        yield self.insider.signed(Reply(lead, lead, 9, follower, 1, 1, SPEED_M_S), now)
+        yield self.insider.signed(Reply(lead, lead, 9, follower, 1, 1, SPEED_M_S, NO_ID), now)
         yield self.insider.signed(Leave(follower, lead, 2, lead, LeaveReason.GAP), now)
         yield self.insider.signed(Join(follower, lead, 2, lead, 9, lead, sequence), now)
 
@@ -201,6 +204,7 @@ def run_imposture(
         checks=checks,
         reach=kind.reach,
         plate=kind.plate,
+        ahead=names[0] if kind.leads else None,
     )
     known = Plates(utc_s, digest, GroupInsider(ELSEWHERE, digest, keys[ELSEWHERE], utc_s))
     attackers = [

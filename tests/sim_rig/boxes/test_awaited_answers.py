@@ -38,7 +38,7 @@ def test_an_answer_after_its_inquiry_comes_at_its_own_time() -> None:
 
 def test_a_reply_waits_for_the_join_and_for_no_inquiry() -> None:
     answers = AwaitedAnswers({OWN})
-    reply = Reply(AHEAD, AHEAD, 1, OWN, 7, 3, 15.0)
+    reply = Reply(AHEAD, AHEAD, 1, OWN, 7, 3, 15.0, NO_ID)
     assert answers.hold(played(reply))
     assert answers.receive_wsm(wsm(INQUIRY)) == []
     assert answers.receive_wsm(wsm(Join(OWN, AHEAD, 1, AHEAD, 7, NO_ID, 0))) == [played(reply)]

@@ -14,7 +14,7 @@ from onboard.messages import bsm, lcca
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags
-from onboard.messages.lcca import Reply, Warn
+from onboard.messages.lcca import NO_ID, Reply, Warn
 from onboard.obd.can_frame import CanFrame
 from onboard.obd.settings import ObdSettings
 from onboard.obd.vehicle_bus import VehicleBus
@@ -251,7 +251,7 @@ def test_a_radio_that_is_gone_or_mute_sends_nothing(
 
 def test_a_forged_brake_is_a_warning_to_the_attackers_group() -> None:
     air = Air({"what": "forged_brake", "every_s": 2.0})
-    reply = Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0)
+    reply = Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0, NO_ID)
     air.send_unsecured("ann", lcca.encode(reply), psid.LCCA, 11.0)
     air.pass_until(25.0)
 
@@ -266,7 +266,7 @@ def test_an_attacker_signs_with_the_current_pseudonym_of_its_car() -> None:
     rng = np.random.default_rng(1)
     trial = make_trial(["ann"], {psid.LCCA}, UTC_S, key_from(rng), pseudonyms=3)
     air = Air({"what": "forged_brake", "every_s": 1.0}, credentials=trial)
-    reply = lcca.encode(Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0))
+    reply = lcca.encode(Reply(b"ann.....", b"leader..", 2, b"ben.....", 7, 1, 15.0, NO_ID))
     own = SecurityServices(UTC_S, trial["ann"])
     for now, credential in zip((11.2, 15.2), reversed(trial["ann"].pseudonyms), strict=False):
         own.sign_with(credential)

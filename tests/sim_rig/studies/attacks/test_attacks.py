@@ -19,6 +19,7 @@ from sim_rig.studies.attacks.certificate_flood import (
     MEETS_S,
     run_certificate_flood,
 )
+from sim_rig.studies.attacks.forged_messages import NextLeader
 from sim_rig.studies.attacks.group_attacks import QUIET_S
 from sim_rig.studies.attacks.impostures import run_imposture
 from sim_rig.studies.campaigns.campaign import Workers
@@ -102,6 +103,14 @@ def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKi
 
     assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)
     assert counts.attempts > 0
+
+
+@pytest.mark.long
+def test_a_leader_that_names_a_member_as_its_next_id_takes_no_follower_from_it() -> None:
+    """The member's joins were taken for the leader's own, and both followers lost their group."""
+    counts = run_imposture(NextLeader, (1,), START_UTC_S, QUIET_S + 10.0, insiders=1, checks=True)
+
+    assert (counts.true_alarms, counts.true_missed) == (2, 0)
 
 
 @pytest.mark.long

@@ -3,7 +3,7 @@
 A control takes only these checks out of the vehicles, for one run.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import pytest
@@ -11,6 +11,7 @@ import pytest
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.errors import DecodeError
 from onboard.lcca import acceptance, asking, group_warnings, identification, identity_posterior
+from onboard.lcca.adjacent_ids import AdjacentIds, Renamed
 from onboard.lcca.followers import Followers
 from onboard.lcca.membership import Membership
 from onboard.messages import lcca
@@ -63,6 +64,14 @@ def _as_received(_link: LccaLink, pdu: lcca.LccaPdu, *_: object) -> tuple[LccaMe
 def _end_of_anybody(warn: Warn, *arguments: object, **named: object) -> str | None:
     refusal = _warn_refusal(warn, *arguments, **named)  # type: ignore[arg-type]
     return None if refusal == "not_followed" else refusal
+
+
+def _by_others(ids: AdjacentIds) -> None:
+    """Translate whoever is named by what the predecessor says of its leader."""
+    names: Mapping[bytes, bytes] = {
+        later: present for present, later in (ids._next_leader | ids._next).items()
+    }
+    ids._by_next = Renamed(names, names)
 
 
 def _if_kept(link: LccaLink, message: LccaMessage) -> bytes:
@@ -135,6 +144,7 @@ CONTROLS: dict[AttackKind, Control] = {
     AttackKind.JOINS: Control((PROOF, UNIQUE), _missed),
     AttackKind.REPLIES: Control(((Membership, "refusal", lambda *_: None),), _missed),
     AttackKind.LEAVES: Control((PROOF, UNIQUE, AS_REPLY, AS_JOIN), _missed),
+    AttackKind.NEXT_LEADER: Control(((AdjacentIds, "_invert", _by_others),), _missed),
     AttackKind.STATEMENTS: Control(((LccaLink, "encode", _if_kept),), _missed),
     AttackKind.TESTS: Control(
         ((AlarmClaims, "_admit_test", _always),), lambda counts: counts.false_alarm_s > 30.0
