@@ -31,6 +31,8 @@ MIN_SIGMA = 0.006
 """Least sigma of a change of scale, since a vehicle's rear is not flat."""
 MAX_FACTOR = 1.25
 """Largest plausible factor between two frames."""
+_AROUND_PX = 4
+"""Rim that the quality of a corner depends on: its derivatives, their mean and its neighbours."""
 _MARGIN = 0.3
 """Distance that the rear moves in the image between frames, as a share of the region's side."""
 
@@ -143,8 +145,16 @@ def _mask(shape: tuple[int, ...], box: ImageBox, x0: int, y0: int) -> npt.NDArra
 
 def _corners(grey: npt.NDArray[np.uint8], mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
     """The sharpest corners in the mask (n, 1, 2), apart from each other."""
+    # Only around the mask: OpenCV rates all pixels, whatever the mask is.
+    x_px, y_px, width_px, height_px = cv2.boundingRect(mask)
+    left, top = max(0, x_px - _AROUND_PX), max(0, y_px - _AROUND_PX)
+    part = slice(top, y_px + height_px + _AROUND_PX), slice(left, x_px + width_px + _AROUND_PX)
+    if 0 in grey[part].shape:
+        return np.zeros((0, 1, 2), np.float32)
     # OpenCV's stubs leave out that it returns None where there are no corners.
     points: Any = cv2.goodFeaturesToTrack(
-        grey, MAX_POINTS // 2, CORNER_QUALITY, MIN_APART_PX, mask=mask
+        grey[part], MAX_POINTS // 2, CORNER_QUALITY, MIN_APART_PX, mask=mask[part]
     )
-    return np.zeros((0, 1, 2), np.float32) if points is None else np.asarray(points, np.float32)
+    if points is None:
+        return np.zeros((0, 1, 2), np.float32)
+    return np.asarray(points + np.array([left, top], np.float32), np.float32)

@@ -58,16 +58,19 @@ class StillInPicture:
         self._has_moved |= _has_left(self._first, box)
         if self._has_moved:
             return
-        scene = _grey(image[::_STRIDE, ::_STRIDE])
+        samples = image[::_STRIDE, ::_STRIDE]
         if (
             self._box is None
-            or scene.shape != self._scene.shape
+            or samples.shape[:2] != self._scene.shape
             or not _contains(self._box, box)
             or _change(_grey(image[self._box]), self._part) > MOST_CHANGE
         ):
-            self._box, self._since, self._scene = _inside(box, image), stamp_s, scene
+            self._box, self._since, self._scene = _inside(box, image), stamp_s, _grey(samples)
             self._part = _grey(image[self._box])
-        elif stamp_s - self._since >= STILL_S and _moved_share(scene, self._scene) >= MOVED_SHARE:
+        elif (
+            stamp_s - self._since >= STILL_S
+            and _moved_share(_grey(samples), self._scene) >= MOVED_SHARE
+        ):
             self._still_at = stamp_s
 
 
