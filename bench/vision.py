@@ -43,7 +43,9 @@ LARGE_CAMERA = CAMERA.model_copy(
 )
 FPS, LARGE_FPS = 15.0, 10.0
 FRAMES, LARGE_FRAMES = 60, 30
-_EVERYWHERE = PerceptionParameters(search_period_s=1e-3, search_period_without_lead_s=1e-3)
+_EVERYWHERE = PerceptionParameters(
+    search_period_s=1e-3, search_period_without_lead_s=1e-3, seldom_period_s=1e-3
+)
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
 _RUNS = 5
 _REFERENCE = "H.264 decode of the same frames, one thread"

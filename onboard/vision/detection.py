@@ -115,9 +115,10 @@ class SearchPlan:
     known: tuple[TrackRegion, ...] = ()
     """Tracks whose plates a search of the whole frame finds again."""
     vehicles: bool = False
-    """Whether all of the frame is searched for vehicles, even if only regions are for plates."""
-
-    @property
-    def has_vehicles(self) -> bool:
-        """Whether all of the frame is searched for vehicles."""
-        return self.vehicles or self.tracked is None
+    """Whether all of the frame is searched for vehicles."""
+    rears: tuple[ImageBox, ...] = ()
+    """Rears around which vehicles are searched, if not all of the frame is."""
+    looks_ahead: bool = False
+    """Whether all vehicles ahead are found or known: then the lane between them is examined."""
+    finds_vehicles: bool = False
+    """Whether vehicles are found as such, in this frame or another, and their rears searched."""

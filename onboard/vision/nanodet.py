@@ -50,14 +50,19 @@ class NanoDet:
         self._network = Network(DEFAULT_MODEL)
         self._least_score = least_score
 
-    def find(self, image: npt.NDArray[np.uint8]) -> list[VehicleBox]:
-        """Vehicles in an (h, w, 3) BGR image, highest score first; their rears are not known."""
+    def find(self, image: npt.NDArray[np.uint8], scale: float | None = None) -> list[VehicleBox]:
+        """Vehicles in an image, highest score first; their rears are not known.
+
+        Args:
+            image: (h, w, 3), BGR.
+            scale: that of the network's input to the image; `None` is that of a whole one.
+        """
         height, width = image.shape[:2]
-        columns, rows = input_size(width, height)
-        scale = min(columns / width, rows / height)
+        scale = scale or input_scale(width, height)
         size = max(1, round(scale * width)), max(1, round(scale * height))
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         view = cv2.resize(image, size, interpolation=way)
+        columns, rows = (-(-side // _CELLS_PX[-1]) * _CELLS_PX[-1] for side in size)
         rims = 0, rows - size[1], 0, columns - size[0]
         view = cv2.copyMakeBorder(view, *rims, cv2.BORDER_CONSTANT, value=_GREY)
         answer = self._network.run_one(as_input(np.asarray(view, np.uint8)))[0]
@@ -76,6 +81,12 @@ def input_size(width_px: int, height_px: int) -> tuple[int, int]:
     largest, shape = _CELLS_PX[-1], width_px / height_px
     columns = max(1, round(math.sqrt(AREA_PX * shape) / largest))
     return largest * columns, largest * max(1, round(columns / shape))
+
+
+def input_scale(width_px: int, height_px: int) -> float:
+    """Scale of the network's input to an image."""
+    columns, rows = input_size(width_px, height_px)
+    return min(columns / width_px, rows / height_px)
 
 
 def as_input(image: npt.NDArray[np.uint8]) -> Floats:

@@ -8,9 +8,13 @@ class PerceptionParameters:
     """Periods that were measured on rendered drives and photographs."""
 
     search_period_s: float = 0.5
-    """Between two searches of the whole frame while there is a lead."""
+    """Between two searches of the whole frame."""
     search_period_without_lead_s: float = 0.2
-    """The same while there is none, or of the search for vehicles where they are found as such."""
+    """The same without a lead; where vehicles are found as such, between two searches around a lead
+    without a plate, and around what is new."""
+    seldom_period_s: float = 1.0
+    """Where vehicles are found as such, between two searches of the whole frame for plates, and
+    while the lead has one also for vehicles."""
     read_period_s: float = 0.5
     """Between two readings of a plate; the lead's is read in every frame until it is identified."""
     read_period_identified_s: float = 1.0

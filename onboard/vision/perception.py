@@ -107,11 +107,12 @@ class Perception:
         vehicles = [bounding_box(track.corners_px) for track in tracks]
         entering = self._lead_selector.entering(tracks)
         plan = self._schedule.next_plan(frame, tracks, self._lead, entering)
-        self._lane_watch.receive_frame(frame, tracks, self._lead, is_searched=plan.has_vehicles)
+        self._lane_watch.receive_frame(frame, tracks, self._lead, is_searched=plan.looks_ahead)
         detections = frame.camera.detect(frame.image, plan)
         legibility = max((each.confidence for each in detections if each.was_read), default=0.0)
         self._events += self._picture_watch.receive_frame(frame, vehicles, legibility)
         pairs = self._tracker.receive_detections(detections, frame.stamp_s)
+        self._tracker.drop_beside(frame.camera.perspective, frame.stamp_s)
         for track in self._tracker.tracks:
             track.receive_image(frame.image, frame.stamp_s)
         self._report(pairs, frame.stamp_s)

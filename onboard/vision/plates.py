@@ -137,7 +137,7 @@ class PlateRecognizer:
 
     def _search_all(self, image: Image, plan: SearchPlan) -> list[PlateDetection]:
         """Plates in the whole image; those in a large one are then placed at its full size."""
-        if image.shape[0] * image.shape[1] < LARGE_PX or not plan.vehicles:
+        if image.shape[0] * image.shape[1] < LARGE_PX or not plan.finds_vehicles:
             return self._finder.find(image, plan.area)
         half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         area = plan.area and ImageBox(

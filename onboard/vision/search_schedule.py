@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from onboard.observations import ImageBox
 from onboard.vision.detection import DetectionKind, SearchPlan, TrackRegion
 from onboard.vision.frame_admission import AdmittedFrame
 from onboard.vision.parameters import PerceptionParameters
 from onboard.vision.perspective import bounding_box
+from onboard.vision.plate_views import MAX_FRAMES
 from onboard.vision.vehicle_track import VehicleTrack
 
 MAX_TRACKED_PER_FRAME = 2
@@ -15,6 +17,13 @@ MAX_TRACKED_PER_FRAME = 2
 OTHERS_PERIOD_S = 0.19
 """Time between two searches for a track that is not the lead, or for the plate of a vehicle: five a
 second at 15 or 30 frames."""
+
+
+MAX_REARS_PER_FRAME = 2
+"""Rears around which vehicles are searched in one frame, those straight ahead first."""
+REAR_PLATES, REAR_SHAPE, PLATE_DOWN = 3.5, 0.85, 0.6
+"""Width of a car in European plates, height of its rear by its width, and the plate's place in it,
+as a share of the height."""
 
 
 class SearchSchedule:
@@ -29,11 +38,11 @@ class SearchSchedule:
         """
         self._parameters = parameters
         self._finds_vehicles = finds_vehicles
-        self._searched_at = self._vehicles_at = -math.inf
+        self._searched_at = self._vehicles_at = self._rears_at = -math.inf
 
     def reset(self) -> None:
         """Forget what was searched: the next frame is of another drive."""
-        self._searched_at = self._vehicles_at = -math.inf
+        self._searched_at = self._vehicles_at = self._rears_at = -math.inf
 
     def next_plan(
         self,
@@ -52,19 +61,41 @@ class SearchSchedule:
         """
         stamp_s = frame.stamp_s
         urgent = [each for each in (lead, *entering) if each is not None]
-        if frame.is_cut or stamp_s - self._searched_at >= self._search_period_s(lead):
-            self._searched_at = self._vehicles_at = stamp_s
+        vehicles = self._vehicle_search(frame, tracks, lead, urgent)
+        if frame.is_cut or self._are_plates_due(lead, stamp_s):
+            self._searched_at = stamp_s
             # After a cut, the tracks' regions show something else.
             known = () if frame.is_cut else (self._region(each, urgent, stamp_s) for each in tracks)
-            return SearchPlan(frame.camera.road, known=tuple(known), vehicles=self._finds_vehicles)
-        has_vehicles = stamp_s - self._vehicles_at >= self._vehicles_period_s(lead)
-        if has_vehicles:
-            self._vehicles_at = stamp_s
+            looks_ahead = vehicles.looks_ahead or not self._finds_vehicles
+            area = frame.camera.road
+            return replace(vehicles, area=area, known=tuple(known), looks_ahead=looks_ahead)
         due = self._due(tracks, urgent, stamp_s)
         regions = tuple(self._region(each, urgent, stamp_s) for each in due)
         for each in due:
             each.searched_at = stamp_s
-        return SearchPlan(tracked=regions, vehicles=has_vehicles)
+        return replace(vehicles, tracked=regions)
+
+    def _vehicle_search(
+        self,
+        frame: AdmittedFrame,
+        tracks: list[VehicleTrack],
+        lead: VehicleTrack | None,
+        urgent: list[VehicleTrack],
+    ) -> SearchPlan:
+        """What is searched for vehicles: all of the frame, or around the rears that matter."""
+        if not self._finds_vehicles:
+            return SearchPlan()
+        stamp_s = frame.stamp_s
+        if frame.is_cut or stamp_s - self._vehicles_at >= self._vehicles_period_s(lead):
+            self._vehicles_at = self._rears_at = stamp_s
+            return SearchPlan(vehicles=True, finds_vehicles=True, looks_ahead=True)
+        if stamp_s - self._rears_at < self._rears_period_s(lead):
+            return SearchPlan(finds_vehicles=True)
+        self._rears_at = stamp_s
+        unsure = [each for each in tracks if _is_unsure(each, urgent)]
+        unsure.sort(key=lambda track: (track not in urgent, abs(track.right.position_m)))
+        rears = tuple(_rear(each) for each in unsure[:MAX_REARS_PER_FRAME])
+        return SearchPlan(rears=rears, finds_vehicles=True, looks_ahead=True)
 
     def _due(
         self, tracks: list[VehicleTrack], urgent: list[VehicleTrack], stamp_s: float
@@ -76,18 +107,35 @@ class SearchSchedule:
         )
         return due[:MAX_TRACKED_PER_FRAME]
 
-    def _search_period_s(self, lead: VehicleTrack | None) -> float:
-        """Between two searches of the whole frame: plates are searched on vehicles in between."""
-        if lead is None and not self._finds_vehicles:
-            return self._parameters.search_period_without_lead_s
-        return self._parameters.search_period_s
+    def _are_plates_due(self, lead: VehicleTrack | None, stamp_s: float) -> bool:
+        """Whether the whole frame is: plates are searched on vehicles in between.
+
+        Where the lead has a plate, the frame is searched for plates and for vehicles in turn.
+        """
+        parameters, since_s = self._parameters, stamp_s - self._searched_at
+        if not self._finds_vehicles:
+            is_free = lead is None
+            return since_s >= (
+                parameters.search_period_without_lead_s if is_free else parameters.search_period_s
+            )
+        is_in_turn = not _has_plate(lead) or (
+            stamp_s - self._vehicles_at >= parameters.search_period_s
+        )
+        return is_in_turn and since_s >= parameters.seldom_period_s
 
     def _vehicles_period_s(self, lead: VehicleTrack | None) -> float:
-        """Between two searches for vehicles: one without a plate is found by them only."""
-        has_plate = lead is not None and lead.last.kind is not DetectionKind.VEHICLE
-        if has_plate or not self._finds_vehicles:
-            return self._search_period_s(lead)
-        return self._parameters.search_period_without_lead_s
+        """Between two searches of the whole frame: one without a plate is found by them only."""
+        parameters = self._parameters
+        return parameters.seldom_period_s if _has_plate(lead) else parameters.search_period_s
+
+    def _rears_period_s(self, lead: VehicleTrack | None) -> float:
+        """Between two searches around rears."""
+        parameters = self._parameters
+        return (
+            parameters.search_period_s
+            if _has_plate(lead)
+            else parameters.search_period_without_lead_s
+        )
 
     def _region(
         self, track: VehicleTrack, urgent: list[VehicleTrack], stamp_s: float
@@ -105,12 +153,36 @@ class SearchSchedule:
         """Whether the plate's next reading is due."""
         parameters = self._parameters
         if track.text is None and track in urgent:
-            return True
+            has_all = track.views is not None and track.views.frames >= MAX_FRAMES
+            return not has_all or stamp_s - track.read_at >= OTHERS_PERIOD_S
         is_identified = track.text is not None and not track.is_contradicted
         period_s = (
             parameters.read_period_identified_s if is_identified else parameters.read_period_s
         )
         return stamp_s - track.read_at >= period_s
+
+
+def _has_plate(lead: VehicleTrack | None) -> bool:
+    """Whether it is followed by its plate or tag."""
+    return lead is not None and lead.last.kind is not DetectionKind.VEHICLE
+
+
+def _is_unsure(track: VehicleTrack, urgent: list[VehicleTrack]) -> bool:
+    """Whether it is not known to be a vehicle, or matters and is found as one only."""
+    if track.last.kind is DetectionKind.TAG:
+        return False
+    is_urgent = track in urgent and track.text is None
+    return is_urgent or not track.confirmed
+
+
+def _rear(track: VehicleTrack) -> ImageBox:
+    """The rear of a track's vehicle; around a plate, that of a common car."""
+    box = bounding_box(track.corners_px)
+    if track.last.kind is DetectionKind.VEHICLE:
+        return box
+    width_px, height_px = REAR_PLATES * box.w_px, REAR_SHAPE * REAR_PLATES * box.w_px
+    x_px, y_px = box.centre_px
+    return ImageBox(x_px - width_px / 2, y_px - PLATE_DOWN * height_px, width_px, height_px)
 
 
 def _period_s(track: VehicleTrack, urgent: list[VehicleTrack]) -> float:

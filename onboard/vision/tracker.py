@@ -13,7 +13,7 @@ import numpy as np
 from onboard.observations import ImageBox
 from onboard.tracking.assignment import cheapest_pairs
 from onboard.vision.detection import Detection, DetectionKind
-from onboard.vision.perspective import bounding_box
+from onboard.vision.perspective import Perspective, RoadPosition, bounding_box
 from onboard.vision.plate_formats import PlateFormats
 from onboard.vision.vehicle_track import VehicleTrack
 
@@ -104,6 +104,15 @@ class Tracker:
             pairs += self._associate([s for s in on_vehicles if s.kind is kind], stamp_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, stamp_s)]
         return pairs
+
+    def drop_beside(self, perspective: Perspective, stamp_s: float) -> None:
+        """Drop the tracks that have left the picture at a side: nobody sees where they are."""
+        width_px = self._size_px[0] if self._size_px else math.inf
+        self.tracks = [
+            track
+            for track in self.tracks
+            if track.observed_at == stamp_s or 0.0 <= _column_px(track, perspective) <= width_px
+        ]
 
     def _is_on_a_vehicle(self, detection: Detection) -> bool:
         """Whether it is at the height of plates on vehicles, and not on a billboard."""
@@ -205,6 +214,12 @@ class Tracker:
         return stamp_s - track.observed_at <= min(
             KEEP_S, proven_s
         ) and stamp_s - track.detected_at <= min(KEEP_UNREAD_S, proven_s)
+
+
+def _column_px(track: VehicleTrack, perspective: Perspective) -> float:
+    """Column of the picture in which the track is predicted."""
+    ahead_m, right_m = track.ahead.position_m, track.right.position_m
+    return perspective.project(RoadPosition(ahead_m, right_m, 0.0))[0]
 
 
 def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:

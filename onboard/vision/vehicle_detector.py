@@ -15,7 +15,7 @@ from onboard.observations import ImageBox
 from onboard.vision.box_model import BoxModel
 from onboard.vision.detection import Detection, DetectionKind, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.vehicle_finder import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder, overlap
 from onboard.vision.vehicle_network import WIDTH_PX, VehicleBox, VehicleKind
 
 WIDTH_M = 1.8
@@ -62,6 +62,8 @@ NEAR_SHARE = 0.4
 """Share of the image's width from which a rear is so near: it may be a part of a larger one."""
 REAR_SHAPE = 0.85
 """Height over width of the lower part of a rear, where plates are, for vehicles of any height."""
+_SAME_OVERLAP = 0.4
+"""Intersection over union from which boxes around two rears are of one vehicle."""
 _BORDER_PX = 2.0
 """A side nearer to the image's border than this may be beyond it."""
 
@@ -76,10 +78,15 @@ class VehicleDetector:
 
     def find(self, image: npt.NDArray[np.uint8], plan: SearchPlan) -> list[Detection]:
         """Vehicles in an (h, w, 3) BGR image."""
-        if not plan.has_vehicles:
-            return []
         size = image.shape[1], image.shape[0]
-        return [self._detection(vehicle, size) for vehicle in self._finder.find(image)]
+        found: list[VehicleBox] = []
+        for rear in [None] if plan.vehicles else plan.rears:
+            found += [
+                vehicle
+                for vehicle in self._finder.find(image, rear)
+                if all(overlap(vehicle.box, other.box) < _SAME_OVERLAP for other in found)
+            ]
+        return [self._detection(vehicle, size) for vehicle in found]
 
     def _detection(self, vehicle: VehicleBox, size: tuple[int, int]) -> Detection:
         box = vehicle.box

@@ -13,13 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import ImageBox
-from onboard.vision.nanodet import NanoDet
-from onboard.vision.vehicle_network import LEAST_SCORE, StreetNetwork, VehicleBox
+from onboard.vision.nanodet import NanoDet, input_scale
+from onboard.vision.vehicle_network import LEAST_SCORE, WIDTH_PX, StreetNetwork, VehicleBox
 
 _LEAST_SINGLE = 0.15
 """Score of one network below which it says nothing."""
 _SAME_OVERLAP = 0.4
 """Intersection over union from which boxes of the two networks are of one vehicle."""
+_BESIDE, _ABOVE, _BELOW = 1.5, 1.5, 1.0
+"""What is searched around a rear to each side, above and below, in its widths: networks need the
+surroundings. With half as much, 38 of 44 leads of the labelled clip `small-leads` are found, with
+this 40, as by searches of the whole picture."""
+_INNER_PX = 2.0
+"""What is nearer to a side of such a part, which is no side of the image, may be cut by it."""
 
 
 class VehicleFinder:
@@ -36,10 +42,58 @@ class VehicleFinder:
         self._streets = StreetNetwork(least_score=single)
         self._least_score = least_score
 
-    def find(self, image: npt.NDArray[np.uint8]) -> list[VehicleBox]:
-        """Vehicles in an (h, w, 3) BGR image, highest score first."""
+    def find(self, image: npt.NDArray[np.uint8], rear: ImageBox | None = None) -> list[VehicleBox]:
+        """Vehicles in an image, highest score first.
+
+        Args:
+            image: (h, w, 3), BGR.
+            rear: a vehicle's; only what is around it is searched. `None` searches all.
+        """
+        if rear is not None:
+            return self._find_around(image, rear)
         found = merged(self._photographs.find(image), self._streets.find(image))
         return [vehicle for vehicle in found if vehicle.score >= self._least_score]
+
+    def _find_around(self, image: npt.NDArray[np.uint8], rear: ImageBox) -> list[VehicleBox]:
+        height, width = image.shape[:2]
+        left = max(0, int(rear.x_px - _BESIDE * rear.w_px))
+        right = min(width, int(rear.x_px + (1 + _BESIDE) * rear.w_px) + 1)
+        top = max(0, int(rear.y_px - _ABOVE * rear.w_px))
+        bottom = min(height, int(rear.y_px + rear.h_px + _BELOW * rear.w_px) + 1)
+        part = image[top : max(top, bottom), left : max(left, right)]
+        if part.size == 0:
+            return []
+        found = merged(
+            self._photographs.find(part, input_scale(width, height)),
+            self._streets.find(part, WIDTH_PX / width),
+        )
+        inner = (
+            _INNER_PX if left > 0 else -math.inf,
+            _INNER_PX if top > 0 else -math.inf,
+            right - left - _INNER_PX if right < width else math.inf,
+            bottom - top - _INNER_PX if bottom < height else math.inf,
+        )
+        return [
+            _moved(vehicle, left, top)
+            for vehicle in found
+            if vehicle.score >= self._least_score and _is_inside(vehicle.box, inner)
+        ]
+
+
+def _is_inside(box: ImageBox, sides: tuple[float, float, float, float]) -> bool:
+    """Whether it is between left, top, right and bottom."""
+    left, top, right, bottom = sides
+    is_across = left <= box.x_px and box.x_px + box.w_px <= right
+    return is_across and top <= box.y_px and box.y_px + box.h_px <= bottom
+
+
+def _moved(vehicle: VehicleBox, right_px: int, down_px: int) -> VehicleBox:
+    box, ends = vehicle.box, vehicle.end_px
+    return replace(
+        vehicle,
+        box=replace(box, x_px=box.x_px + right_px, y_px=box.y_px + down_px),
+        end_px=ends and (ends[0] + right_px, ends[1] + right_px),
+    )
 
 
 def merged(photographs: list[VehicleBox], streets: list[VehicleBox]) -> list[VehicleBox]:

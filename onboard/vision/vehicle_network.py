@@ -72,14 +72,19 @@ class StreetNetwork:
         self._network = Network(model)
         self._least_score = least_score
 
-    def find(self, image: npt.NDArray[np.uint8]) -> list[VehicleBox]:
-        """Vehicles in an (h, w, 3) BGR image, highest score first."""
-        scale = WIDTH_PX / image.shape[1]
-        rows = max(1, round(image.shape[0] * scale))
+    def find(self, image: npt.NDArray[np.uint8], scale: float | None = None) -> list[VehicleBox]:
+        """Vehicles in an image, highest score first.
+
+        Args:
+            image: (h, w, 3), BGR.
+            scale: that of the network's input to the image; `None` is that of a whole one.
+        """
+        scale = scale or WIDTH_PX / image.shape[1]
+        columns, rows = (max(1, round(scale * side)) for side in image.shape[1::-1])
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-        view = cv2.resize(image, (WIDTH_PX, rows), interpolation=way)
-        below = -rows % COARSEST_PX
-        view = cv2.copyMakeBorder(view, 0, below, 0, 0, cv2.BORDER_REPLICATE)
+        view = cv2.resize(image, (columns, rows), interpolation=way)
+        rims = 0, -rows % COARSEST_PX, 0, -columns % COARSEST_PX
+        view = cv2.copyMakeBorder(view, *rims, cv2.BORDER_REPLICATE)
         answer = self._network.run_one(as_input(np.asarray(view, np.uint8)[None]))
         found = decode(answer[0], self._least_score)
         size = np.asarray([image.shape[1], image.shape[0]])

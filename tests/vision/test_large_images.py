@@ -51,7 +51,7 @@ def test_plates_are_found_in_less_of_a_large_image_and_placed_in_all_of_it() -> 
     image, finder = picture(SceneCar(14.0, plate="GN417KB")), WatchedFinder()
     plates = PlateRecognizer(finder, PlateReader(), PlateSyntax(()), PERSPECTIVE, PlateFormats())
 
-    (fast,) = plates.find(image, SearchPlan(vehicles=True))
+    (fast,) = plates.find(image, SearchPlan(finds_vehicles=True))
     (slow,) = plates.find(image, SearchPlan())
 
     assert finder.widths_px == [1920, 3840]

@@ -6,6 +6,8 @@ import pytest
 
 from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection
+from onboard.vision.perspective import Perspective
+from onboard.vision.settings import guessed_calibration
 from onboard.vision.vehicle_track import VehicleTrack
 from tests.vision.test_lead import STEP_S, TrackedRoad, detection
 
@@ -147,3 +149,18 @@ def test_numbers_of_tracks_are_never_used_again() -> None:
     road.steps(40)
 
     assert track_id(road.steps(5, ours())) > before
+
+
+def test_a_vehicle_that_leaves_the_picture_at_a_side_has_no_track() -> None:
+    """Seen 5 m ahead, it passes at the left; straight ahead, it is too near to be seen."""
+    perspective = Perspective(guessed_calibration(640, 360))
+    for right_m, is_kept in ((-0.3, False), (0.0, True)):
+        road = TrackedRoad()
+        road.tracker.receive_size((640, 360))
+        for step in range(10):
+            road.step(ours(5.0 - 0.3 * step, step * right_m))
+        road.steps(5)
+
+        road.tracker.drop_beside(perspective, road.stamp_s)
+
+        assert bool(road.tracker.tracks) is is_kept

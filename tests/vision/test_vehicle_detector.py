@@ -27,7 +27,7 @@ class _Finder(VehicleFinder):
         self.vehicles = vehicles
 
     @override
-    def find(self, image: np.ndarray) -> list[VehicleBox]:
+    def find(self, image: np.ndarray, rear: ImageBox | None = None) -> list[VehicleBox]:
         return self.vehicles
 
 
@@ -54,7 +54,8 @@ def _vehicle(
 
 
 def _detected(vehicle: VehicleBox) -> Detection:
-    (found,) = VehicleDetector(_Finder([vehicle]), _PERSPECTIVE).find(_IMAGE, SearchPlan())
+    detector = VehicleDetector(_Finder([vehicle]), _PERSPECTIVE)
+    (found,) = detector.find(_IMAGE, SearchPlan(vehicles=True))
     return found
 
 
@@ -145,7 +146,9 @@ def test_what_is_below_the_image_is_no_ground_contact() -> None:
     assert found.ahead_sigma_m >= WIDTHS_M[VehicleKind.CAR][1] * found.position.ahead_m
 
 
-def test_the_network_runs_only_when_all_of_the_image_is_searched() -> None:
-    detector = VehicleDetector(_Finder([_vehicle(20.0)]), _PERSPECTIVE)
+def test_the_network_runs_only_when_the_image_or_what_is_around_a_rear_is_searched() -> None:
+    vehicle = _vehicle(20.0)
+    detector = VehicleDetector(_Finder([vehicle]), _PERSPECTIVE)
     assert detector.find(_IMAGE, SearchPlan(tracked=())) == []
-    assert len(detector.find(_IMAGE, SearchPlan())) == 1
+    assert len(detector.find(_IMAGE, SearchPlan(vehicles=True))) == 1
+    assert len(detector.find(_IMAGE, SearchPlan(rears=(vehicle.box, vehicle.box)))) == 1

@@ -5,7 +5,7 @@ import pytest
 
 from onboard.observations import ImageBox
 from onboard.vision.nanodet import AREA_PX, NanoDet, input_size
-from onboard.vision.vehicle_finder import VehicleFinder, merged
+from onboard.vision.vehicle_finder import VehicleFinder, merged, overlap
 from onboard.vision.vehicle_network import LEAST_SCORE, VehicleBox, VehicleKind
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from tests.vision.drive import CAMERA
@@ -68,3 +68,16 @@ def test_a_rear_is_found_where_it_is(finder: type[NanoDet | VehicleFinder]) -> N
     best = finder(least_score=0.1).find(image)[0]
     assert best.box.x_px + best.box.w_px / 2 == pytest.approx(CAMERA.width_px / 2, abs=20.0)
     assert best.box.w_px == pytest.approx(CAMERA.focal_x_px * 1.8 / 12.0, rel=0.2)
+
+
+def test_around_a_rear_it_is_found_as_in_the_whole_image_and_nothing_that_the_part_cuts() -> None:
+    cars = SceneCar(12.0), SceneCar(11.0, 3.5)
+    image = CameraRenderer(CAMERA).draw(Scene(cars), np.random.default_rng(1))
+    vehicles = VehicleFinder()
+    ahead, beside = sorted(vehicles.find(image), key=lambda vehicle: vehicle.box.x_px)
+
+    (found,) = vehicles.find(image, ahead.box)
+
+    assert overlap(found.box, ahead.box) > 0.85
+    assert overlap(found.box, beside.box) < 0.1
+    assert vehicles.find(image, ImageBox(2000.0, 0.0, 50.0, 50.0)) == []

@@ -31,6 +31,7 @@ Use = Callable[[AnnotatedFrame], None]
 EVERY_FRAME = PerceptionParameters(
     search_period_s=1e-3,
     search_period_without_lead_s=1e-3,
+    seldom_period_s=1e-3,
     read_period_s=0.0,
     read_period_identified_s=0.0,
 )
