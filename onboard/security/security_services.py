@@ -91,7 +91,8 @@ class SecurityServices:
         """
         self.utc_offset_s = utc_offset_s
         self._certificate_interval_s = certificate_interval_s
-        self._certificate_due_at = float("-inf")
+        self._certificate_due_at = self._awareness_due_at = float("-inf")
+        """When a message is to carry the certificate, and when a BSM is, whatever others carry."""
         self._last_generation = 0
         self._replays = ReplayWindow(round(MESSAGE_LIFETIME_S * 1e6), capacity=_MAX_REPLAY_DIGESTS)
         self._verified_signers: OrderedDict[bytes, None] = OrderedDict()
@@ -124,7 +125,7 @@ class SecurityServices:
     def sign_with(self, credential: Credential) -> None:
         """Use `credential` from now on; the next message carries its certificate."""
         self._credential = credential
-        self._certificate_due_at = float("-inf")
+        self._certificate_due_at = self._awareness_due_at = float("-inf")
         certificate = credential.certificate
         self.distribution.use_certificate(certificate.hashed_id8, certificate.issuer_id)
 
@@ -209,9 +210,13 @@ class SecurityServices:
     def _attaches_certificate(self, psid: int, now: float, *, may_wait: bool) -> bool:
         if psid == CPM:  # of use only beside the sender's CAMs, which have it
             return False
-        if (may_wait or psid in AWARENESS) and now < self._certificate_due_at:
+        is_awareness = psid in AWARENESS
+        due_at = self._awareness_due_at if is_awareness else self._certificate_due_at
+        if (may_wait or is_awareness) and now < due_at:
             return False
         self._certificate_due_at = now + self._certificate_interval_s
+        if is_awareness:
+            self._awareness_due_at = self._certificate_due_at
         return True
 
     # ---- in -------------------------------------------------------------------------------

@@ -131,11 +131,14 @@ class CameraProcess:
             self._on_seen(Seen((SensorLost(time.monotonic(), Sensor.CAMERA, None, why),)))
 
     def _restarted(self) -> "CameraWorker | None":
-        with self._restarting:
-            self._worker = None
-            if not self._closed.is_set():
-                self.spawn()
-            return self._worker
+        """Start another process, once there is memory for one; `None` after the end."""
+        while True:
+            with self._restarting, contextlib.suppress(OSError):
+                self._worker = None
+                if not self._closed.is_set():
+                    self.spawn()
+                return self._worker
+            self._closed.wait(RESTART_S[1])
 
 
 class _WorkerEndedError(Exception):
@@ -148,16 +151,16 @@ class CameraWorker:
     def __init__(self) -> None:
         """Start the process, which imports for a second, and then waits for its work."""
         own, given = socket.socketpair()
-        # Also within a message: a stopped process may have sent half of one.
-        own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(SILENT_S))
-        with given:
+        with own, given:
+            # Also within a message: a stopped process may have sent half of one.
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(SILENT_S))
             self._process = subprocess.Popen(  # noqa: S603 (this program)
                 [sys.executable, "-P", "-m", "onboard.vision.camera_worker", str(given.fileno())],
                 stdin=subprocess.DEVNULL,
                 pass_fds=(given.fileno(),),
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
             )
-        self._connection = Connection(own.detach())
+            self._connection = Connection(own.detach())
 
     def send(self, message: CameraWork | Curvature | None) -> None:
         """Send what the process is given: first its work, then one curvature for each answer."""

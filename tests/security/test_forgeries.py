@@ -390,6 +390,15 @@ def test_a_bsm_carries_the_certificate_every_450_ms_and_its_digest_between(
     assert max(sizes) - min(sizes) > 100
 
 
+def test_messages_of_other_services_put_off_no_certificate_of_a_bsm(
+    alice: SecurityServices,
+) -> None:
+    """Receivers of BSMs need not receive these services."""
+    sizes = [(_size(alice, LCCA, i / 10), _size(alice, BSM, i / 10 + 0.01))[1] for i in range(20)]
+    assert [i for i, size in enumerate(sizes) if size == max(sizes)] == [0, 5, 10, 15]
+    assert max(sizes) - min(sizes) > 100
+
+
 def test_group_messages_always_carry_the_certificate(alice: SecurityServices) -> None:
     sizes = {_size(alice, LCCA, now=i / 10) for i in range(20)}
     assert len(sizes) == 1

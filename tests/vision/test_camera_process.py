@@ -1,5 +1,6 @@
 """A live camera in a process of its own: whatever happens to it, the daemon only loses a sensor."""
 
+import errno
 import http.server
 import itertools
 import os
@@ -221,6 +222,31 @@ def test_a_camera_that_is_lost_for_good_is_reported_once(
     running.process.kill()
     wait_until(lambda: len(started) == 3)
 
+    assert running.losses == ["process ended"]
+
+
+@pytest.mark.long
+def test_where_no_process_can_be_started_it_is_tried_again(
+    run: Run, stream: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a machine without memory, or with too many processes."""
+    monkeypatch.setattr(camera_process, "RESTART_S", (0.01, 0.05))
+    running = run(work(stream))
+    running.camera.start()
+    running.until_lead()
+    refused: list[None] = []
+    start = subprocess.Popen
+
+    def without_memory(*command: Any, **given: Any) -> Any:
+        if len(refused) < 3:
+            refused.append(None)
+            raise OSError(errno.ENOMEM, "Cannot allocate memory")
+        return start(*command, **given)
+
+    monkeypatch.setattr(subprocess, "Popen", without_memory)
+    running.process.kill()
+    wait_until(lambda: running.losses != [])
+    running.until_lead()
     assert running.losses == ["process ended"]
 
 
