@@ -15,11 +15,13 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache, partial
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from onboard.kinematics.arrays import Array
 from onboard.vision.settings import Calibration, TagDictionary
 from sim_rig.rendering.car_art import PLATE_CENTRE, rear_of_car
 from sim_rig.rendering.plate_art import EU, PlateFormat, draw_plate
@@ -28,6 +30,7 @@ Image = npt.NDArray[np.uint8]
 """(h, w, 3), BGR."""
 Quad = npt.NDArray[np.float32]
 """(4, 2): top left, top right, bottom right, bottom left, in pixels."""
+CoordinateT = TypeVar("CoordinateT", float, Array)
 
 _TAG_PX = 128
 _TAG_CARD = 1.25
@@ -164,11 +167,13 @@ class CameraRenderer:
             cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px, dst=image)
         return self._with_noise(image, look.noise_sigma / 32, rng)
 
-    def project(self, ahead_m: float, lateral_m: float, height_m: float) -> tuple[float, float]:
+    def project(
+        self, ahead_m: CoordinateT, lateral_m: CoordinateT, height_m: float
+    ) -> tuple[CoordinateT, CoordinateT]:
         """Return the pixel (u, v) of a point, by the equation at the head of this file.
 
         Args:
-            ahead_m: distance ahead of the camera's car.
+            ahead_m: distance ahead of the camera's car; of many points, an array.
             lateral_m: distance to its right.
             height_m: height over the road.
         """
@@ -311,11 +316,13 @@ class CameraRenderer:
         """A strip along the road; without a bend, a rectangle."""
         (near_m, far_m), (left_m, right_m) = ahead_m, lateral_m
         if lane is None:
-            outline = [(near_m, left_m), (far_m, left_m), (far_m, right_m), (near_m, right_m)]
+            outline = np.asarray(
+                [(near_m, left_m), (far_m, left_m), (far_m, right_m), (near_m, right_m)]
+            )
         else:
             outline = lane.outline(ahead_m, lateral_m)
-        corners = [self.project(*point, 0.0) for point in outline]
-        pixels = np.rint(np.asarray(corners) * 16).astype(np.int32)
+        corners = np.stack(self.project(outline[:, 0], outline[:, 1], 0.0), axis=1)
+        pixels = np.rint(corners * 16).astype(np.int32)
         if lane is None:
             cv2.fillConvexPoly(image, pixels, bgr, cv2.LINE_AA, 4)
         else:
@@ -341,10 +348,8 @@ class _BentLane:
         across = np.stack([-steps[:, 1], steps[:, 0]], axis=1) / lengths[:, None]
         self._across = np.concatenate([across, across[-1:]])
 
-    def outline(
-        self, along_m: tuple[float, float], right_m: tuple[float, float]
-    ) -> list[tuple[float, float]]:
-        """Ahead and right of the camera: up on the left side, and back on the right one."""
+    def outline(self, along_m: tuple[float, float], right_m: tuple[float, float]) -> Array:
+        """Ahead and right of the camera, (n, 2): up on the left side, and back on the right one."""
         begin_m, end_m = along_m[0], min(along_m[1], float(self._along[-1]))
         at = np.linspace(begin_m, end_m, max(2, math.ceil((end_m - begin_m) / self.STEP_M)))
         middle, across = (
@@ -352,8 +357,9 @@ class _BentLane:
             for table in (self._middle, self._across)
         )
         left, right = (middle + each * across for each in right_m)
-        points = [*left.tolist(), *reversed(right.tolist())]
-        return [(max(ahead_m, _NEAREST_M), right_m) for ahead_m, right_m in points]
+        points = np.concatenate([left, right[::-1]])
+        points[:, 0] = np.maximum(points[:, 0], _NEAREST_M)
+        return points
 
 
 def _bent_lane(scene: Scene) -> _BentLane | None:
