@@ -261,7 +261,7 @@ class SignerCredibility(Core):
         more = max(weight - claim.weight, 0.0)
         claim.weight += more
         for signer in claim.signers if more else ():
-            self._charges[signer].add(0.0, more / len(claim.signers), now)
+            self._charges.setdefault(signer, _Charges()).add(0.0, more / len(claim.signers), now)
 
     def _charge(
         self, signer: bytes, share: float, weighed: float, vehicle: str, now: float

@@ -325,3 +325,13 @@ def test_a_unit_and_vehicles_share_no_allowance() -> None:
     for number in range(MOST_ALARMS_OF_UNIT):
         host.claim(str(number), UNIT)
     assert host.claim("x", OTHER) == 1
+
+
+def test_an_alarm_rises_to_a_warning_when_its_signer_is_no_longer_charged() -> None:
+    """So many others have been charged meanwhile that it was dropped."""
+    host = Host()
+    host.claim("risen", LIAR, is_warning=False)
+    others = [number.to_bytes(8, "big") for number in range(1024)]
+    host.credibility.admit("ima", "other", others, host.now, slows_traffic=False, identified=others)
+
+    assert host.claim("risen", LIAR) == 1
