@@ -74,7 +74,7 @@ class ProgramMessage:
     service: int
     """PSID or ITS-AID."""
     user_priority: int
-    """Lower than that of any message of the vehicle's own."""
+    """Lower than that of the vehicle's own messages but the certificates that it is asked for."""
     data: bytes
 
 

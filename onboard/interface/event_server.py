@@ -25,6 +25,8 @@ VERSION = 1
 HOST = "127.0.0.1"
 MOST_CLIENTS = 32
 MOST_LINE_BYTES = 1 << 16
+MESSAGE_INTERVAL_S = 0.02
+"""Least time between two messages that programs have sent: each is signed in the loop."""
 _SENT_BYTES = 1 << 16
 """That wait in a socket before its client counts as slow."""
 
@@ -57,6 +59,7 @@ class EventServer:
         self._on_message = on_message
         self._stream = EventStream()
         self._clients: set[asyncio.Task[None]] = set()
+        self._sending = asyncio.Lock()
         self._detector: EventReader | None = None
         """The client that sends a detector's lists; two would make each vehicle leap."""
         self.wants = self._stream.wants
@@ -138,7 +141,9 @@ class EventServer:
                 case ObjectList():
                     self._on_object_list(line)
                 case MessageRequest():
-                    self._on_message(request)
+                    async with self._sending:  # of all clients; their lines wait in sockets
+                        self._on_message(request)
+                        await asyncio.sleep(MESSAGE_INTERVAL_S)
 
     def _read(self, line: bytes, reader: EventReader) -> Request:
         """Read a client's line. Raises `DecodeError`, also of a second client that sends lists."""

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from onboard.errors import UserError
+from onboard.interface import event_server
 from onboard.interface.event_server import MOST_CLIENTS, VERSION, EventServer
 from onboard.interface.event_stream import MOST_WAITING_BYTES, EventStream
 from onboard.interface.requests import MessageRequest
@@ -208,6 +209,24 @@ def test_messages_to_send_are_handed_on() -> None:
 
     (message,) = serve(run).messages
     assert (message.psid, message.data) == (0x83, "00ff")
+
+
+def test_messages_of_all_programs_together_have_the_least_interval(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each is signed in the loop that warnings wait for."""
+    monkeypatch.setattr(event_server, "MESSAGE_INTERVAL_S", 3600.0)
+
+    async def run(vehicle: Vehicle) -> None:
+        clients = [await vehicle.client() for _ in range(3)]
+        for client in clients:
+            send(client, kind="message", psid=0x83, data="00ff")
+        await until(lambda: bool(vehicle.messages))
+        other = await vehicle.client()
+        send(other, kind="brake_button")
+        await until(lambda: vehicle.brakes == 1)
+
+    assert len(serve(run, "brake_button").messages) == 1
 
 
 def test_one_program_at_a_time_sends_lists() -> None:
