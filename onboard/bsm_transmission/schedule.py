@@ -74,8 +74,7 @@ class BsmSchedule(DueTime):
         if not MINIMUM_INTERVAL_S <= max_s <= MAXIMUM_INTERVAL_S:
             raise ValueError(f"an interval is {MINIMUM_INTERVAL_S} to {MAXIMUM_INTERVAL_S} s")
         self._max_interval_s = max_s
-        if self._due_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
-            self._due_at = max(now, self._sent_at + self.interval_s)
+        self._reschedule(now)
 
     def receive_remote_vehicle(self, sender: bytes, distance_m: float | None, now: float) -> None:
         """Count the sender of a received BSM.
@@ -109,8 +108,13 @@ class BsmSchedule(DueTime):
         rate_1_s = self._received / MINIMUM_INTERVAL_S
         self._rate_1_s += DENSITY_WEIGHT * (rate_1_s - self._rate_1_s)
         self._received = 0
-        if self._due_at - (self._sent_at + self.interval_s) >= RESCHEDULE_S:
-            self._due_at = max(now, self._sent_at + self.interval_s)
+        self._reschedule(now)
+
+    def _reschedule(self, now: float) -> None:
+        """Bring the next BSM forward if the interval has become so much shorter."""
+        at = self._sent_at + self.interval_s
+        if self._due_at - at >= RESCHEDULE_S:
+            self._due_at = max(now, at)
 
     def take_due(self, now: float) -> bool:
         """Return whether a BSM is to be sent now; it then counts as sent."""

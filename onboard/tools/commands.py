@@ -3,7 +3,6 @@
 To list or complete them, a shell asks often, and their imports take a second.
 """
 
-import gc
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import typer
 import typer.core
 from typing_extensions import override
 
+from onboard.runtime.gc_tuning import without_collection
 from onboard.tools.command_line import command_line
 
 
@@ -101,9 +101,8 @@ class LazyGroup(typer.core.TyperGroup):
 def imported(name: str) -> Any:
     """Import a command of `COMMANDS`, one of Click's: Typer has its own copy of these."""
     module, attribute, _ = COMMANDS[name]
-    gc.disable()  # what is imported stays: to search it for garbage is a tenth of a start
-    command = getattr(import_module(module), attribute)
-    gc.enable()
+    with without_collection():
+        command = getattr(import_module(module), attribute)
     if not isinstance(command, typer.Typer):
         app = command_line(add_completion=False)
         app.command(name)(command)

@@ -2,7 +2,6 @@
 
 import asyncio
 import faulthandler
-import gc
 import logging
 import os
 import sys
@@ -13,6 +12,7 @@ from typing import Annotated
 import structlog
 import typer
 
+from onboard.runtime.gc_tuning import without_collection
 from onboard.settings import load_settings
 from onboard.vehicle.config import CarConfig
 from onboard.vision.camera_process import CameraWorker
@@ -53,11 +53,10 @@ def run(
     config = load_settings(file, CarConfig)
     has_live_camera = config.camera is not None and config.camera.is_live
     worker = CameraWorker() if has_live_camera else None
-    gc.disable()  # what is imported stays
-    # For a second or two, in which the camera's process imports as well.
-    from onboard.runtime.service import Service  # noqa: PLC0415
+    with without_collection():
+        # For a second or two, in which the camera's process imports as well.
+        from onboard.runtime.service import Service  # noqa: PLC0415
 
-    gc.enable()
     asyncio.run(Service(file, config, worker).run())
 
 
