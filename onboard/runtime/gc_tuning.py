@@ -1,21 +1,9 @@
 """Settings of the garbage collector that keep its pauses short."""
 
-import contextlib
 import gc
-from collections.abc import Iterator
 
 _THRESHOLDS = (10_000, 10, 50)
 """With a hundred vehicles nearby, 0.1 s creates some 20,000 objects that live for 2 s."""
-
-
-@contextlib.contextmanager
-def without_collection() -> Iterator[None]:
-    """For imports: what they make stays, and to search it for garbage is a tenth of a start."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
 
 
 def freeze_start_up_objects() -> None:

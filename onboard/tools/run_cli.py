@@ -12,8 +12,8 @@ from typing import Annotated
 import structlog
 import typer
 
-from onboard.runtime.gc_tuning import without_collection
 from onboard.settings import load_settings
+from onboard.tools.commands import without_collection
 from onboard.vehicle.config import CarConfig
 from onboard.vision.camera_process import CameraWorker
 
