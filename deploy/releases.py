@@ -16,26 +16,23 @@ It needs Debian's Python only, since it must work when a release does not.
     /opt/onboard/starts              name and number of starts of one that is not proven
     /opt/onboard/failed              name of the one that was left for the good one
 
+`started` and `ended` are part of the time until a killed daemon is ready again, so what only the
+other actions need is imported by these.
+
 A power cut at any moment leaves `current` at a complete release: files are on the disk before
 `complete` is, and that before the link. Units that are not those of `current` are replaced at the
 next start.
 """
 
-import argparse
 import contextlib
 import errno
 import fcntl
 import filecmp
-import hashlib
-import json
 import os
-import platform
 import re
-import shutil
-import subprocess
 import sys
+from collections import namedtuple
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 SUMS, SIGNATURE, ABOUT = "SHA256SUMS", "SHA256SUMS.sig", "release.json"
@@ -54,16 +51,8 @@ class RefusedError(Exception):
     """A folder or release that cannot be used; one line for the user."""
 
 
-@dataclass(frozen=True)
-class About:
-    """What a folder to install is for."""
-
-    name: str
-    """Build of `onboard`."""
-    architecture: str
-    """As `uname -m` has it."""
-    python: str
-    """Version of Python, as 3.11."""
+About = namedtuple("About", ("name", "architecture", "python"))
+"""What a folder to install is for: build, architecture of `uname -m`, version of Python."""
 
 
 class Bundle:
@@ -75,6 +64,8 @@ class Bundle:
         Raises:
             RefusedError: it is no such folder, is damaged, or is for another computer.
         """
+        import json  # noqa: PLC0415
+
         self.folder = folder
         try:
             self.sums = (folder / SUMS).read_bytes()
@@ -87,7 +78,7 @@ class Bundle:
                 f"{folder}: {ABOUT}: name {self.about.name!r} is none of a release: letters,"
                 " digits and . + - _"
             )
-        here = About(self.about.name, platform.machine(), f"3.{sys.version_info.minor}")
+        here = About(self.about.name, os.uname().machine, f"3.{sys.version_info.minor}")
         if self.about != here:
             raise RefusedError(
                 f"{folder}: is for {self.about.architecture} and Python {self.about.python}; this"
@@ -97,10 +88,19 @@ class Bundle:
     @property
     def name(self) -> str:
         """Name of the release: the build, and of one that is no commit its hash too."""
-        digest = hashlib.sha256(self.sums).hexdigest()[:8]
-        return f"{self.about.name}.{digest}" if "modified" in self.about.name else self.about.name
+        build: str = self.about.name
+        return f"{build}.{self.digest[:8]}" if "modified" in build else build
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of its hashes."""
+        import hashlib  # noqa: PLC0415
+
+        return hashlib.sha256(self.sums).hexdigest()
 
     def _check_hashes(self) -> None:
+        import hashlib  # noqa: PLC0415
+
         named = {}
         for line in self.sums.decode(errors="replace").splitlines():
             digest, _, name = line.partition("  ")
@@ -170,7 +170,8 @@ class Releases:
             try:
                 self._build(bundle, folder)
             except BaseException:
-                shutil.rmtree(folder, ignore_errors=True)
+                with contextlib.suppress(OSError):
+                    _remove(folder)
                 raise
         self._check_configuration(folder)
         return bundle.name
@@ -191,15 +192,15 @@ class Releases:
                 f"{bundle.folder}: is not signed: make it by 'KEYS=keys/root make box'"
             )
         onboard = verifier / "venv" / "bin" / "onboard"
-        done = _run(onboard, "keys", "verify", sums, "--signature", signature, "--trusted", keys)
-        if done.returncode != 0:
-            raise RefusedError(f"{bundle.folder}: {_last_line(done)}")
+        verify = (onboard, "keys", "verify", sums, "--signature", signature, "--trusted", keys)
+        code, output = _run(*verify)
+        if code != 0:
+            raise RefusedError(f"{bundle.folder}: {_reason(code, output)}")
 
     def _check_first(self, bundle: Bundle, folder: Path) -> None:
         """Say how trust begins: the first release is verified by nothing but itself."""
         self._check_signature(bundle, folder)
-        digest = hashlib.sha256(bundle.sums).hexdigest()
-        print(f"first release: the line that 'make box' printed must be {digest}  {SUMS}")
+        print(f"first release: the line that 'make box' printed must be {bundle.digest}  {SUMS}")
 
     def _build(self, bundle: Bundle, folder: Path) -> None:
         venv, wheels = folder / "venv", bundle.folder / "wheels"
@@ -215,10 +216,10 @@ class Releases:
         _must(*install, "--no-deps", "onboard")
         _must(venv / "bin" / "onboard", "--version")
         for file in (SUMS, "in-the-car.md"):
-            shutil.copy(bundle.folder / file, folder)
+            _copy(bundle.folder / file, folder / file)
         (folder / UNITS).mkdir()
         for unit in (bundle.folder / "files").glob("*.service"):
-            shutil.copy(unit, folder / UNITS)
+            _copy(unit, folder / UNITS / unit.name)
         if self.named("current") is None:
             self._check_first(bundle, folder)
         os.sync()
@@ -228,17 +229,17 @@ class Releases:
         configuration = self._etc / "car.yaml"
         if not configuration.exists():
             return
-        done = _run(folder / "venv" / "bin" / "onboard", "check", configuration)
-        if done.returncode != 0:
+        code, output = _run(folder / "venv" / "bin" / "onboard", "check", configuration)
+        if code != 0:
             raise RefusedError(
                 f"{folder.name} is installed, and cannot read {configuration}: correct it, and"
-                f" install again. {done.stdout.strip()}"
+                f" install again. {output.strip()}"
             )
 
     def _remove_incomplete(self) -> None:
         for folder in self._all.glob("*"):
             if not (folder / COMPLETE).exists():
-                shutil.rmtree(folder)
+                _remove(folder)
 
     def switch(self, name: str) -> None:
         """Take a release with its units at the next start.
@@ -287,7 +288,7 @@ class Releases:
         if name not in self.names():
             raise RefusedError(f"no release {name}; there are {', '.join(self.names()) or 'none'}")
         (self._all / name / COMPLETE).unlink()  # half removed, it is no release
-        shutil.rmtree(self._all / name)
+        _remove(self._all / name)
 
     def remove_others(self) -> None:
         """Remove all but the one in use and the one to fall back to."""
@@ -398,7 +399,7 @@ def _copy(source: Path, target: Path) -> None:
     """Replace a file by one rename, safe from a power cut."""
     target.parent.mkdir(parents=True, exist_ok=True)
     new = target.with_name(f"{target.name}.new")
-    shutil.copyfile(source, new)
+    new.write_bytes(source.read_bytes())
     new.chmod(0o644)
     _sync(new)
     new.replace(target)
@@ -417,8 +418,17 @@ def _sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def _run(*command: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
+def _remove(folder: Path) -> None:
+    import shutil  # noqa: PLC0415
+
+    shutil.rmtree(folder)
+
+
+def _run(*command: object) -> tuple[int, str]:
+    """Exit code and output of a command."""
+    import subprocess  # noqa: PLC0415
+
+    done = subprocess.run(
         [str(word) for word in command],
         # Not with the modules of whoever installs: pip would take them for those of the release.
         env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
@@ -428,17 +438,19 @@ def _run(*command: object) -> subprocess.CompletedProcess[str]:
         text=True,
         check=False,
     )
+    return done.returncode, done.stdout
 
 
 def _must(*command: object) -> None:
-    done = _run(*command)
-    if done.returncode != 0:
-        raise RefusedError(f"{command[0]} failed, and nothing is changed: {_last_line(done)}")
+    code, output = _run(*command)
+    if code != 0:
+        raise RefusedError(f"{command[0]} failed, and nothing is changed: {_reason(code, output)}")
 
 
-def _last_line(done: subprocess.CompletedProcess[str]) -> str:
-    lines = [line for line in done.stdout.splitlines() if line.strip()]
-    return lines[-1] if lines else f"exit code {done.returncode}"
+def _reason(code: int, output: str) -> str:
+    """Last line that a command wrote."""
+    lines = [line for line in output.splitlines() if line.strip()]
+    return lines[-1] if lines else f"exit code {code}"
 
 
 def _list(releases: Releases) -> None:
@@ -449,22 +461,22 @@ def _list(releases: Releases) -> None:
         print(f"{name}  {', '.join(marks)}".rstrip())
 
 
-def _do(releases: Releases, arguments: argparse.Namespace) -> None:
-    match arguments.action:
+def _do(releases: Releases, action: str, what: Path) -> None:
+    match action:
         case "list":
             _list(releases)
         case "install":
             with releases.locked():
-                name = releases.install(Bundle(arguments.what))
+                name = releases.install(Bundle(what))
                 releases.switch(name)
                 releases.remove_others()
             print(f"{name} is taken at the next start")
         case "switch":
             with releases.locked():
-                releases.switch(str(arguments.what))
+                releases.switch(str(what))
         case "remove":
             with releases.locked():
-                releases.remove(str(arguments.what))
+                releases.remove(str(what))
         case "started":
             releases.started()
         case "ended":
@@ -475,8 +487,12 @@ def _do(releases: Releases, arguments: argparse.Namespace) -> None:
             releases.proven()
 
 
-def main() -> int:
-    """Run one action; returns 2 for what is refused."""
+def _arguments() -> tuple[str, Path, Path]:
+    """Action, what it is to be done with, and the root."""
+    if sys.argv[1:] in (["started"], ["ended"]):
+        return sys.argv[1], Path(), Path("/")
+    import argparse  # noqa: PLC0415
+
     parser = argparse.ArgumentParser(prog="onboard-releases", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--root", type=Path, default=Path("/"), help=argparse.SUPPRESS)
@@ -485,16 +501,23 @@ def main() -> int:
         actions.add_parser(action)
     for action in ("install", "switch", "remove"):
         actions.add_parser(action).add_argument("what", type=Path)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(namespace=argparse.Namespace(what=Path()))
+    return arguments.action, arguments.what, arguments.root
+
+
+def main() -> int:
+    """Run one action; returns 2 for what is refused."""
+    action, what, root = _arguments()
     try:
-        _do(Releases(arguments.root), arguments)
+        _do(Releases(root), action, what)
     except RefusedError as error:
         print(error, file=sys.stderr)
         return MISTAKE
     except OSError as error:
         advice = ": mount -o remount,rw /" if error.errno == errno.EROFS else ""
-        what = f"{error.filename or ''}: {error.strerror}"
-        print(f"{what}; nothing is changed{advice}", file=sys.stderr)
+        print(
+            f"{error.filename or ''}: {error.strerror}; nothing is changed{advice}", file=sys.stderr
+        )
         return 1
     return 0
 

@@ -112,7 +112,7 @@ class VmDrive:
             self.refuse_configuration,
             self.fall_back,
         ]
-        return [*anywhere, self.step_clock, self.use_ocb] if self._has_kernel else anywhere
+        return [*anywhere, self.use_ocb, self.step_clock] if self._has_kernel else anywhere
 
     # ---- faults --------------------------------------------------------------------------
 

@@ -40,6 +40,20 @@ def releases(tmp_path: Path) -> Releases:
 # ---- at work -----------------------------------------------------------------------------------
 
 
+def test_a_start_imports_only_what_it_needs(releases: Releases, tmp_path: Path) -> None:
+    """A killed daemon is ready again after `ended` and `started`."""
+    script = (
+        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]);"
+        "import releases; found = releases.Releases(Path(sys.argv[2]));"
+        "found.ended('signal', None); found.started(); print(*sys.modules)"
+    )
+    folder = Path(__file__).parents[2] / "deploy"
+    run = [sys.executable, "-ISE", "-c", script, str(folder), str(tmp_path)]
+    modules = set(subprocess.run(run, check=True, capture_output=True, text=True).stdout.split())
+    assert "releases" in modules
+    assert modules.isdisjoint({"argparse", "dataclasses", "hashlib", "json", "subprocess"})
+
+
 def test_a_release_that_ran_for_a_minute_is_the_one_to_fall_back_to(releases: Releases) -> None:
     releases.switch(NEW)
     releases.started()
