@@ -73,6 +73,8 @@ class CameraModel:
         phase_s: float,
         rng: np.random.Generator,
         lens: Calibration = LENS,
+        *,
+        rate_hz: float = FPS,
     ) -> None:
         """Take the first image at `phase_s`.
 
@@ -82,7 +84,9 @@ class CameraModel:
             phase_s: time of the first image, s.
             rng: source of the errors.
             lens: of the camera.
+            rate_hz: images a second.
         """
+        self._rate_hz = rate_hz
         self._view = view
         self._settings = settings
         self._rng = rng
@@ -110,7 +114,7 @@ class CameraModel:
         """Add the observations of the next image, if it is due."""
         if now < self.get_timer():
             return
-        image_at, self._image_at = self._image_at, self._image_at + 1 / FPS
+        image_at, self._image_at = self._image_at, self._image_at + 1 / self._rate_hz
         stamp_s = image_at + STAMP_S
         if self._view.is_dark(image_at):
             self._events.append(Discarded(stamp_s, "vision", "blank_frame", "mean 0, sigma 0.0"))
@@ -129,7 +133,7 @@ class CameraModel:
             self._is_lost = False
             self._events.append(SensorRecovered(stamp_s, Sensor.CAMERA))
         found = self._detected(image_at, stamp_s)
-        if stamp_s - self._searched_at >= DEFAULT_PARAMETERS.search_period_s - 0.5 / FPS:
+        if stamp_s - self._searched_at >= DEFAULT_PARAMETERS.search_period_s - 0.5 / self._rate_hz:
             self._searched_at = stamp_s
             self._lane.receive_fit(self._view.marked_lane(image_at))
         lead = self._lead(stamp_s)
@@ -169,13 +173,14 @@ class CameraModel:
     def _track(self, name: str) -> CameraTrack:
         if name not in self._tracks_by_name:
             if name not in self._plates_by_name:
-                self._plates_by_name[name] = PlateReadings(self._rng)
+                self._plates_by_name[name] = PlateReadings(self._rng, self._rate_hz)
             self._track_count += 1
             self._tracks_by_name[name] = CameraTrack(
                 self._track_count,
                 self._plates_by_name[name],
                 self._projection,
                 self._rng,
+                self._rate_hz,
                 finds_rears=self._settings.detects_vehicles,
             )
         return self._tracks_by_name[name]

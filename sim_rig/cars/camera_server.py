@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.vision.settings import CameraSettings
-from sim_rig.cars.camera_view import FPS, CameraView, calibration
+from sim_rig.cars.camera_view import CameraView, calibration
 from sim_rig.cars.mjpeg_server import MjpegServer
 from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
@@ -84,7 +84,7 @@ class CameraServer:
             for car, seed in zip(scenario.equipped, seeds, strict=True)
         }
         lens_widths = scenario.lens.focal_px / scenario.lens.width_px
-        self._server = MjpegServer(cameras, FPS, on_sent, lens_widths)
+        self._server = MjpegServer(cameras, scenario.lens.rate_hz, on_sent, lens_widths)
 
     async def start(self, addresses: Sequence[tuple[str, int]] = ()) -> int:
         """Listen on 127.0.0.1 and at further `addresses`, and return the port of the former."""

@@ -20,7 +20,7 @@ from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.plates import MIN_PX
 from onboard.vision.vehicle_track import BEARING_SIGMA, SIZE_SIGMA
 from sim_rig.cars.camera_projection import CameraProjection
-from sim_rig.cars.camera_view import FPS, LENS
+from sim_rig.cars.camera_view import LENS
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.scene import SceneCar
 
@@ -54,10 +54,6 @@ MIN_TAG_PX = 12.0
 """AR tags are detected and read without error from this width on. Their gaps, and the directions of
 all rears, have the errors that perception assumes (`onboard/vision/vehicle_track.py`)."""
 
-_KEPT = math.exp(-1 / FPS / CORRELATION_S)
-_FRESH = math.sqrt(1 - _KEPT**2)
-_LAG = math.exp(-1 / FPS / CLOSING_LAG_S)
-
 
 class CameraTrack:
     """The track of one car, from its first detection on."""
@@ -68,6 +64,7 @@ class CameraTrack:
         plate: PlateReadings,
         projection: CameraProjection,
         rng: np.random.Generator,
+        rate_hz: float,
         *,
         finds_rears: bool,
     ) -> None:
@@ -78,6 +75,7 @@ class CameraTrack:
             plate: readings of the car's plate by this camera.
             projection: of the camera.
             rng: source of the other errors.
+            rate_hz: frames a second.
             finds_rears: whether vehicles are found by more than plates and tags.
         """
         self.track_id = track_id
@@ -89,6 +87,10 @@ class CameraTrack:
         """Of the last detection."""
         self._projection = projection
         self._rng = rng
+        self._period_s = 1 / rate_hz
+        self._kept = math.exp(-self._period_s / CORRELATION_S)
+        self._fresh = math.sqrt(1 - self._kept**2)
+        self._lag = math.exp(-self._period_s / CLOSING_LAG_S)
         self._posterior = PlatePosterior()
         self._read_at = -math.inf
         self._car: SceneCar | None = None
@@ -147,7 +149,8 @@ class CameraTrack:
             By what it is detected, if it is.
         """
         # The number of draws is constant, so that settings do not change other cars' errors.
-        self._errors = _KEPT * self._errors + _FRESH * self._rng.standard_normal(len(self._errors))
+        fresh = self._rng.standard_normal(len(self._errors))
+        self._errors = self._kept * self._errors + self._fresh * fresh
         self._plate.advance()
         width_px = self._projection.plate_width_px(car)
         if NormalDist().cdf(self._errors[3]) >= _detection_probability(car, width_px):
@@ -168,7 +171,7 @@ class CameraTrack:
         is_wide_enough = self._projection.rear_width_px(car) >= REAR_WIDTHS_PX[0]
         if not (self._finds_rears and is_wide_enough) or stamp_s - self._marked_at <= MAX_MISSED_S:
             return None
-        if stamp_s - self.seen_at < REAR_PERIOD_S - 0.5 / FPS:
+        if stamp_s - self.seen_at < REAR_PERIOD_S - 0.5 * self._period_s:
             return None
         self.kind = DetectionKind.VEHICLE
         self._measure(car, stamp_s)
@@ -177,7 +180,7 @@ class CameraTrack:
     def _measure(self, car: SceneCar, stamp_s: float) -> None:
         if self._car is not None:
             true_m_s = (self._car.ahead_m - car.ahead_m) / (stamp_s - self.seen_at)
-            self._true_closing_m_s += (true_m_s - self._true_closing_m_s) * (1 - _LAG)
+            self._true_closing_m_s += (true_m_s - self._true_closing_m_s) * (1 - self._lag)
         share, closing_sigma_m_s = SIZE_SIGMA[DetectionKind.TAG] * self._errors[0], 0.0
         # At the same width, the gap is as many times longer as the focal length.
         longer = self._projection.lens.focal_x_px / LENS.focal_x_px

@@ -17,8 +17,8 @@ from sim_rig.scenario.faults import PlateMisread
 from sim_rig.scenario.schema import Scenario
 from sim_rig.scenario.sensor_settings import LensSettings
 
-FPS = 10.0
-"""Frame rate of the rig's cameras."""
+FPS = LensSettings().rate_hz
+"""Frame rate of the rig's cameras where a scenario names none."""
 
 
 def calibration(lens: LensSettings) -> Calibration:

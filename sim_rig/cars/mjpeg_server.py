@@ -6,6 +6,7 @@ page that shows them on a monitor, for a real camera in front of it.
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -65,9 +66,9 @@ class MjpegServer:
 
     async def _stream(self, request: web.Request) -> web.StreamResponse:
         car, response = await self._answer(request)
-        # Cameras are staggered over a frame interval, to spread the load.
+        # Cameras are staggered over a frame interval, to spread the load, and stay so when late.
         stagger = list(self._jpegs).index(car) / len(self._jpegs)
-        next_at = time.monotonic() + stagger * self._interval_s
+        next_at = (time.monotonic() // self._interval_s + 1 + stagger) * self._interval_s
         loop = asyncio.get_running_loop()
         while not (request.transport is None or request.transport.is_closing()):
             await asyncio.sleep(next_at - time.monotonic())
@@ -79,7 +80,8 @@ class MjpegServer:
             except ConnectionError:
                 break
             self._on_sent(car, time.monotonic() - next_at)
-            next_at = max(next_at + self._interval_s, time.monotonic())
+            missed = max(0, math.ceil((time.monotonic() - next_at) / self._interval_s - 1))
+            next_at += (1 + missed) * self._interval_s
         return response
 
     async def _copy(self, request: web.Request) -> web.StreamResponse:

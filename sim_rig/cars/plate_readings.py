@@ -40,16 +40,20 @@ the model, in 3 to 6 %."""
 CORRELATION_S = 0.5
 """Correlation time of the rest, which depends on the plate's position on the pixel grid."""
 
-_KEPT = math.exp(-1 / FPS / CORRELATION_S)
-_FRESH = math.sqrt(1 - _KEPT**2)
-
 
 class PlateReadings:
     """The readings of one plate by one camera, frame by frame."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        """Draw how legible the plate is, and what it is taken for; `rng` is the source of all."""
+    def __init__(self, rng: np.random.Generator, rate_hz: float = FPS) -> None:
+        """Draw how legible the plate is, and what it is taken for.
+
+        Args:
+            rng: source of all.
+            rate_hz: frames a second.
+        """
         self._rng = rng
+        self._kept = math.exp(-1 / rate_hz / CORRELATION_S)
+        self._fresh = math.sqrt(1 - self._kept**2)
         self._legibility = math.exp(SPREAD * rng.standard_normal())
         self._lasting = rng.standard_normal((LENGTH, len(CHARACTERS)))
         self._passing = rng.standard_normal((LENGTH, len(CHARACTERS)))
@@ -57,7 +61,7 @@ class PlateReadings:
     def advance(self) -> None:
         """Go on to the next frame, with the same number of draws whether it is read or not."""
         fresh = self._rng.standard_normal(self._passing.shape)
-        self._passing = _KEPT * self._passing + _FRESH * fresh
+        self._passing = self._kept * self._passing + self._fresh * fresh
 
     def read(self, text: str, width_px: float) -> tuple[PlateCandidate, ...]:
         """Read a plate in the present frame.

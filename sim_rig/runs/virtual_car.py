@@ -24,7 +24,7 @@ from onboard.trace.trace_line import as_trace_record
 from onboard.vehicle.config import CarConfig
 from sim_rig.cars.brake_controller import BrakeController
 from sim_rig.cars.camera_model import CameraModel
-from sim_rig.cars.camera_view import FPS, CameraView, calibration
+from sim_rig.cars.camera_view import CameraView, calibration
 from sim_rig.cars.derivation_delay import DerivationDelay
 from sim_rig.cars.device_line import Device
 from sim_rig.cars.faulty_ecu import FaultyEcu
@@ -90,7 +90,8 @@ class VirtualCar:
         self._on_ecu_frame = on_ecu_frame
         self._controller = controller
         self._waiting: list[bytes] = []
-        self._phase_s = scenario.equipped.index(name) / FPS / len(scenario.equipped)
+        self._rate_hz = scenario.lens.rate_hz
+        self._phase_s = scenario.equipped.index(name) / self._rate_hz / len(scenario.equipped)
         self._view = CameraView(scenario, road, name, camera_rng)
         self._camera_rng = camera_rng
         self._lens = calibration(scenario.lens)
@@ -204,13 +205,14 @@ class VirtualCar:
             ),
         )
         self._stack_at = self._stack.get_timer()
-        images = math.ceil((now - self._phase_s) * FPS)
+        images = math.ceil((now - self._phase_s) * self._rate_hz)
         self._camera = CameraModel(
             self._view,
             self._config.vision,
-            self._phase_s + images / FPS,
+            self._phase_s + images / self._rate_hz,
             self._camera_rng,
             self._lens,
+            rate_hz=self._rate_hz,
         )
         self._derivation = DerivationDelay()
 

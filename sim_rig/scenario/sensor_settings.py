@@ -17,6 +17,8 @@ class LensSettings(Settings):
     focal_px: float = Field(1600.0, ge=200.0, le=20_000.0)
     """Focal length. The default has a field of view of 23 degrees for reading plates: a European
     plate is 55 px wide at 15 m, and two cores are enough for four daemons."""
+    rate_hz: float = Field(10.0, ge=2.0, le=30.0)
+    """Pictures a second. Half of them cost rig and daemons half of the processor's time."""
 
 
 class EcuSettings(Settings):
