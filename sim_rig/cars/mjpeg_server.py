@@ -66,9 +66,8 @@ class MjpegServer:
 
     async def _stream(self, request: web.Request) -> web.StreamResponse:
         car, response = await self._answer(request)
-        # Cameras are staggered over a frame interval, to spread the load, and stay so when late.
-        stagger = list(self._jpegs).index(car) / len(self._jpegs)
-        next_at = (time.monotonic() // self._interval_s + 1 + stagger) * self._interval_s
+        turn = list(self._jpegs).index(car) / len(self._jpegs)
+        next_at = turn_after(time.monotonic(), turn, self._interval_s)
         loop = asyncio.get_running_loop()
         while not (request.transport is None or request.transport.is_closing()):
             await asyncio.sleep(next_at - time.monotonic())
@@ -80,8 +79,8 @@ class MjpegServer:
             except ConnectionError:
                 break
             self._on_sent(car, time.monotonic() - next_at)
-            missed = max(0, math.ceil((time.monotonic() - next_at) / self._interval_s - 1))
-            next_at += (1 + missed) * self._interval_s
+            now = max(time.monotonic(), next_at + self._interval_s / 2)
+            next_at = turn_after(now, turn, self._interval_s)
         return response
 
     async def _copy(self, request: web.Request) -> web.StreamResponse:
@@ -110,6 +109,19 @@ class MjpegServer:
         response = web.StreamResponse(headers={"Content-Type": STREAM_TYPE})
         await response.prepare(request)
         return car, response
+
+
+def turn_after(now: float, turn: float, interval_s: float) -> float:
+    """When a camera's next image is due.
+
+    Cameras are staggered over an interval to spread the load, also after one was late.
+
+    Args:
+        now: the present.
+        turn: when in the interval its images are due, from 0 to 1.
+        interval_s: between two images of one camera.
+    """
+    return (math.floor(now / interval_s - turn) + 1 + turn) * interval_s
 
 
 def part(jpeg: bytes) -> bytes:

@@ -15,6 +15,7 @@ from onboard.vision.frames import Image
 from onboard.vision.settings import CameraSettings
 from sim_rig.cars.camera_server import Camera, CameraServer
 from sim_rig.cars.camera_view import LENS
+from sim_rig.cars.mjpeg_server import turn_after
 from sim_rig.roads.breakpoints import BreakpointRoad
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -83,6 +84,14 @@ def test_the_car_reads_the_stream_at_its_rate_and_size(scenario: Scenario) -> No
     images = asyncio.run(serve())
     assert [image.shape for image in images] == [(LENS.height_px, LENS.width_px, 3)] * 3
     assert not np.array_equal(images[0], images[1])
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.07, 0.13, 1.04])
+def test_cameras_keep_their_turns_however_late_one_was(late_s: float) -> None:
+    """Of four at 10 Hz, each has its quarter of 0.1 s; pictures that were missed are left out."""
+    due = [turn_after(56.02 + late_s, turn, 0.1) for turn in (0.0, 0.25, 0.5, 0.75)]
+    assert all(0.0 < at - (56.02 + late_s) <= 0.1 for at in due)
+    assert [at % 0.1 for at in due] == pytest.approx([0.1, 0.025, 0.05, 0.075])
 
 
 def test_a_car_that_is_not_there_is_not_found(scenario: Scenario) -> None:
