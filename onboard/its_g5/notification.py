@@ -55,6 +55,8 @@ CLOCK_TOLERANCE_S = 2.0
 """How far the clock of who reports an event may be ahead; as of signed messages."""
 MAX_EVENTS = 1024
 """Events whose last report is known, those received last."""
+BRAKING_LASTS_S = 10.0
+"""Longest hard braking: to rest from 200 km/h at 5.6 m/s². One detected before is over. Ours."""
 _PROBABLE = 4
 """Information quality. Ours."""
 
@@ -139,11 +141,16 @@ class EventReports:
 
 
 class ReceivedEvents:
-    """The events of others: each report once, however often and by how many it is repeated."""
+    """The events of others: each braking once a report, however often that is repeated.
+
+    A repetition of a vehicle that stands says that it still does.
+    """
 
     def __init__(self) -> None:
-        self._reports: OrderedDict[tuple[ActionId, bytes | None], float] = OrderedDict()
-        """Time of the last report, by event and signer."""
+        self._reports: OrderedDict[tuple[ActionId, bytes | None], tuple[float, bool]] = (
+            OrderedDict()
+        )
+        """Time of the last report and whether it was the end, by event and signer."""
 
     def bsm_of(
         self, message: Denm, signer_id: bytes | None, utc_s: float
@@ -156,7 +163,8 @@ class ReceivedEvents:
             utc_s: the present time, seconds since 1970.
 
         Returns:
-            `None` for a repetition, for the end of an event, and for other events.
+            `None` for the end of an event and what is older, a braking that was reported before or
+            must be over, and other events.
 
         Raises:
             DecodeError: `another_origin` of an event of somebody else, `contradictory_times`, or
@@ -173,20 +181,23 @@ class ReceivedEvents:
         ends_s = management.detected_s + (DEFAULT_VALIDITY_S if validity_s is None else validity_s)
         if now_s > ends_s:
             raise DecodeError("expired", f"{now_s - ends_s:.3f} s ago")
-        if management.reference_s <= self._reports.get((action, signer_id), -math.inf):
+        report = management.reference_s, management.termination is not None
+        last = self._reports.get((action, signer_id), (-math.inf, False))
+        if report < last:
             return None
-        self._keep((action, signer_id), management.reference_s)
+        self._keep((action, signer_id), report)
         situation = message.notification.situation
         if management.termination is not None or situation is None:
             return None
         if situation.event.cause == STATIONARY_VEHICLE:
-            return _bsm(message, VehicleEventFlags.HAZARD_LIGHTS, speed_m_s=0.0)
-        if situation.event == BRAKING.cause:
-            return _bsm(message, VehicleEventFlags.HARD_BRAKING)
+            return _bsm(message, VehicleEventFlags.HAZARD_LIGHTS, utc_s, speed_m_s=0.0)
+        is_new = report != last and now_s - management.detected_s <= BRAKING_LASTS_S
+        if situation.event == BRAKING.cause and is_new:
+            return _bsm(message, VehicleEventFlags.HARD_BRAKING, utc_of(management.detected_s))
         return None
 
-    def _keep(self, key: tuple[ActionId, bytes | None], reference_s: float) -> None:
-        self._reports[key] = reference_s
+    def _keep(self, key: tuple[ActionId, bytes | None], report: tuple[float, bool]) -> None:
+        self._reports[key] = report
         self._reports.move_to_end(key)
         if len(self._reports) > MAX_EVENTS:
             self._reports.popitem(last=False)
@@ -236,9 +247,16 @@ def _denm(
 
 
 def _bsm(
-    message: Denm, event: VehicleEventFlags, speed_m_s: float | None = None
+    message: Denm, event: VehicleEventFlags, there_utc_s: float, speed_m_s: float | None = None
 ) -> BasicSafetyMessage:
-    """Return the BSM of a vehicle where its event is; a speed of 0 where it stands."""
+    """Return the BSM of a vehicle where its event is.
+
+    Args:
+        message: about the event.
+        event: what the BSM says of it.
+        there_utc_s: when the vehicle is there.
+        speed_m_s: of the vehicle; `None`: what the message says.
+    """
     management, location = message.notification.management, message.notification.location
     position, heading_rad = management.position, None
     path: tuple[PathPoint, ...] = ()
@@ -253,7 +271,7 @@ def _bsm(
     core = CoreData(
         msg_cnt=0,
         temporary_id=message.station_id,
-        sec_mark_s=round(utc_of(management.detected_s) * 1e3) % 60_000 / 1e3,
+        sec_mark_s=round(there_utc_s * 1e3) % 60_000 / 1e3,
         latitude_deg=position.latitude_deg,
         longitude_deg=position.longitude_deg,
         elevation_m=position.altitude.altitude_m,

@@ -125,14 +125,37 @@ def test_a_standing_vehicle_stands() -> None:
     assert (found.core.speed_m_s, found.safety.lights) == (0.0, ExteriorLights.HAZARD_SIGNAL)
 
 
+def test_a_standing_vehicle_stands_at_each_repetition_until_the_end() -> None:
+    """Other stations repeat one report for minutes; who comes late hears of it first then."""
+    reports = EventReports()
+    reported(reports, bsm(hazard=True, speed_m_s=0.0), UTC_S - 31.0)
+    (sent,) = reported(reports, bsm(hazard=True, speed_m_s=0.0), UTC_S)
+    repeated, events = changed(sent, validity_s=600.0), ReceivedEvents()
+    for after_s in (0.0, 1.0, 29.0, 40.0, 75.0, 599.0):
+        for receiver in (events, ReceivedEvents()):
+            found = receiver.bsm_of(repeated, None, UTC_S + after_s)
+            assert found is not None
+            assert found.core.sec_mark_s == pytest.approx((UTC_S + after_s) % 60.0, abs=2e-3)
+    end = changed(repeated, termination=Termination.CANCELLATION)
+    assert events.bsm_of(end, None, UTC_S + 80.0) is None
+    assert events.bsm_of(repeated, None, UTC_S + 81.0) is None
+
+
 def test_a_repetition_says_nothing_new_however_long_it_is_valid() -> None:
     """A DENM without end: valid for a day and repeated, it is one braking."""
     events, endless = ReceivedEvents(), changed(braking(), validity_s=86_400.0)
     assert events.bsm_of(endless, None, UTC_S) is not None
     for second in range(1, 100):
         assert events.bsm_of(endless, None, UTC_S + second) is None
-    later = changed(endless, reference_s=endless.notification.management.reference_s + 1.0)
+    updated_s = endless.notification.management.reference_s + 99.0
+    later = changed(endless, detected_s=updated_s, reference_s=updated_s)
     assert events.bsm_of(later, None, UTC_S + 100.0) is not None
+
+
+def test_a_braking_that_must_be_over_is_not_used() -> None:
+    """A minute later its time within the minute would be that of a braking now."""
+    endless = changed(braking(), validity_s=86_400.0)
+    assert ReceivedEvents().bsm_of(endless, None, UTC_S + 60.0) is None
 
 
 def test_who_reports_another_s_event_first_does_not_hide_it() -> None:
