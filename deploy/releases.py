@@ -162,9 +162,9 @@ class Releases:
             OSError: it cannot be written.
         """
         folder = self._all / bundle.name
-        current = self.named("current")
-        if current is not None and self._sums(folder) != bundle.sums:
-            self._check_signature(bundle, self._all / current)
+        verifier = self._verifier()
+        if verifier is not None and self._sums(folder) != bundle.sums:
+            self._check_signature(bundle, self._all / verifier)
         self._remove_incomplete()
         if not (folder / COMPLETE).exists():
             try:
@@ -175,6 +175,10 @@ class Releases:
                 raise
         self._check_configuration(folder)
         return bundle.name
+
+    def _verifier(self) -> str | None:
+        """Name of the release that verifies updates; links that are lost make no first release."""
+        return self.named("current") or self.named("good") or max(self.names(), default=None)
 
     def _sums(self, folder: Path) -> bytes | None:
         """Hashes of a release that is installed already."""
@@ -220,7 +224,7 @@ class Releases:
         (folder / UNITS).mkdir()
         for unit in (bundle.folder / "files").glob("*.service"):
             _copy(unit, folder / UNITS / unit.name)
-        if self.named("current") is None:
+        if self._verifier() is None:
             self._check_first(bundle, folder)
         os.sync()
         _write(folder / COMPLETE, bundle.name)

@@ -209,6 +209,26 @@ def test_a_release_that_is_not_complete_is_none(releases: Releases, tmp_path: Pa
         releases.switch(NEW)
 
 
+@pytest.mark.parametrize("lost", [("current",), ("current", "good")])
+def test_an_update_is_no_first_release_where_links_are_lost(
+    releases: Releases, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: tuple[str, ...]
+) -> None:
+    """It is verified by a release that is there, not by itself."""
+    for link in lost:
+        (tmp_path / "opt/onboard" / link).unlink()
+    verifiers: list[Path] = []
+
+    def refuse(_self: Releases, _bundle: Bundle, verifier: Path) -> None:
+        verifiers.append(verifier)
+        raise RefusedError("forged")
+
+    monkeypatch.setattr(Releases, "_check_signature", refuse)
+    monkeypatch.setattr(Releases, "_build", lambda *_: pytest.fail("its programs ran"))
+    with pytest.raises(RefusedError, match="forged"):
+        releases.install(Bundle(make_bundle(tmp_path / "box", f"{NEW}.1")))
+    assert [each.name for each in verifiers] == [OLD if "good" not in lost else NEW]
+
+
 # ---- what is refused ---------------------------------------------------------------------------
 
 
@@ -398,6 +418,10 @@ def test_an_update_is_signed_by_a_root_that_the_car_trusts(tmp_path: Path) -> No
     assert boot(root) == f"{NEW} drives"
     (new / "SHA256SUMS.sig").unlink()
     assert install(new, root).returncode == 0, "it is installed already"
+    (root / "opt/onboard/current").unlink()
+    forged = install(make_bundle(tmp_path / "forged", f"{NEW}.1", key=tmp_path / "other"), root)
+    assert forged.returncode == 2, forged.stdout
+    assert "first release" not in forged.stdout, "verified by one that is there"
 
 
 @pytest.mark.long
