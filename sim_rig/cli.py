@@ -8,6 +8,7 @@ import errno
 import math
 import os
 import sys
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import takewhile
@@ -318,6 +319,46 @@ def show(
             summary = show_run(folder, number, out)
     typer.echo(summary)
     typer.echo(f"  in {out}")
+
+
+@app.command("store-map")
+def store_map(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A name that `list` shows, or a YAML file; it has a `signal`.",
+            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+        ),
+    ],
+    *,
+    form: Annotated[
+        str,
+        typer.Option(help="rsu41: a file; ntcip1218: arguments of Net-SNMP's snmpset."),
+    ] = "ntcip1218",
+    channel: Annotated[int, typer.Option(min=1, max=255, help="Radio channel.")] = 183,
+    index: Annotated[int, typer.Option(min=1, max=255, help="Row of the unit's table.")] = 1,
+    days: Annotated[int, typer.Option(min=1, max=365, help="How long it is sent.")] = 1,
+) -> None:
+    """Print what makes a road-side unit store the MAP message of a scenario and repeat it."""
+    from sim_rig.road_side.store_and_repeat import UnitForm, stored_map  # noqa: PLC0415 (see above)
+    from sim_rig.scenario.schema import load_scenario  # noqa: PLC0415 (see above)
+
+    if form not in list(UnitForm):
+        raise UserError(f"--form: {form} is not one of {', '.join(UnitForm)}")
+    now_s = time.time()
+    loaded = load_scenario(scenario)
+    try:
+        text = stored_map(
+            loaded,
+            UnitForm(form),
+            channel=channel,
+            index=index,
+            start_s=now_s,
+            stop_s=now_s + days * 86_400.0,
+        )
+    except UserError as error:
+        raise UserError(f"{scenario}: {error}") from error
+    typer.echo(text, nl=False)
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:
