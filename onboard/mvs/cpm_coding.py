@@ -6,6 +6,7 @@ objects are measurements of its sender, each known by sender and time, as those 
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,6 +34,7 @@ from onboard.messages.cpm_evidence import (
 )
 from onboard.messages.cpm_object import (
     CARTESIAN,
+    MAX_OBJECTS,
     VEHICLE,
     CartesianVelocity,
     Coordinate,
@@ -88,8 +90,12 @@ def encode_within(
     reference_ms: int,
     frame: LocalFrame,
     max_bytes: int,
+    *,
+    perceived: int,
 ) -> tuple[CollectivePerceptionMessage, list[SharedObject]]:
     """Return the CPM with the first of `objects`, as many as fit, and these.
+
+    No CPM is sent in segments: what does not fit is due for the next one.
 
     Args:
         objects: of evidence in `frame`, the most important first.
@@ -97,19 +103,27 @@ def encode_within(
         reference_ms: UTC, not before the last measurement.
         frame: of `objects`.
         max_bytes: size of the CPM.
+        perceived: how many objects the sender perceives in all.
     """
     fitting = [
         each
         for each in objects
         if all(0 <= reference_ms - measured_ms(one) <= MAX_AGE_MS for one in each.piece.provenance)
-    ]
-    while True:
-        message = _message_of(fitting, sender, reference_ms, frame)
+    ][:MAX_OBJECTS]
+
+    def message_of(count: int) -> CollectivePerceptionMessage:
+        return _message_of(fitting[:count], sender, reference_ms, frame, perceived)
+
+    def is_too_long(count: int) -> bool:
+        message = message_of(count)
         evidence = message.perceived.evidence
         has_names = evidence is None or len(evidence.observers) <= MAX_OBSERVERS
-        if not fitting or (has_names and len(cpm.encode(message)) <= max_bytes):
-            return message, fitting
-        fitting.pop()
+        return not has_names or len(cpm.encode(message)) > max_bytes
+
+    if is_too_long(len(fitting)):
+        count = bisect_left(range(1, len(fitting)), x=True, key=is_too_long)
+        fitting = fitting[:count]
+    return message_of(len(fitting)), fitting
 
 
 def _message_of(
@@ -117,6 +131,7 @@ def _message_of(
     sender: Sender,
     reference_ms: int,
     frame: LocalFrame,
+    perceived_in_all: int,
 ) -> CollectivePerceptionMessage:
     turn, shift = sender.anchor.mapping_from(frame)
     observers: dict[bytes, int] = {}
@@ -161,7 +176,7 @@ def _message_of(
         Orientation(sender.heading_rad),
         is_road_side_unit=False,
         perceived=PerceivedObjectContainer(
-            len(perceived),
+            min(max(len(perceived), perceived_in_all), MAX_OBJECTS),
             tuple(perceived),
             CpmEvidence(VERSION, tuple(observers), tuple(pieces)),
         ),

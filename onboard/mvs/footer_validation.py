@@ -16,8 +16,9 @@ from onboard.tracking.evidence_store import EvidenceBatch
 
 FOOTERS_PER_S = 20.0
 """Of one sender in the long run: twice the rate of BSMs; more are dropped."""
-FOOTERS_AT_ONCE = 5
-"""Of one sender: footers that were delayed on their way arrive together with the next ones."""
+FOOTERS_AT_ONCE = 8
+"""Of one sender: a CPM has up to 8 segments, and footers that were delayed arrive together with the
+next ones."""
 MAX_SENDERS = 512
 """Remote vehicles at once; bounds computing time."""
 MAX_ENTRIES = 64

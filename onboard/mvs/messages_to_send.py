@@ -116,7 +116,7 @@ class MessagesToSend:
             return None
         sender = self._sender(own_ids[-1], now)
         message, fitting = cpm_coding.encode_within(
-            objects, sender, now_ms, self._frame, self._max_bytes
+            objects, sender, now_ms, self._frame, self._max_bytes, perceived=len(reported)
         )
         entries = [(each.number, each.piece) for each in fitting]
         self._evidence.sent.receive_sent(entries, reported, now_ms)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import cpm
-from onboard.messages.cpm import CollectivePerceptionMessage
+from onboard.messages.cpm import CollectivePerceptionMessage, PerceivedObjectContainer
 from onboard.messages.cpm_evidence import ESTIMATE
 from onboard.messages.cpm_object import (
     CartesianVelocity,
@@ -19,9 +20,17 @@ from onboard.messages.cpm_object import (
 from onboard.messages.fields import Chosen
 from onboard.messages.its_common import ReferencePosition
 from onboard.messages.mvs_footer import ObserverRun
-from onboard.mvs.cpm_coding import BOUND_SIGMAS, entries_in
+from onboard.mvs.cpm_coding import BOUND_SIGMAS, SharedObject, encode_within, entries_in
+from onboard.mvs.sdsm_coding import Sender
 from onboard.mvs.sent_evidence import SentOfTrack
-from onboard.tracking.evidence import Estimate, measured_ms, observer_of
+from onboard.tracking.evidence import (
+    Estimate,
+    Measurement,
+    measured_ms,
+    measurement_id,
+    observer_of,
+)
+from tests.messages.test_cpm import NAME, ORACLE
 from tests.mvs.world import EXACT, Car, World, assert_lists_each_measurement_once, only, ring
 
 UTC_S = 1_790_000_000.0
@@ -228,3 +237,62 @@ def test_255_objects_are_too_many_and_a_message_in_bits_too_few_carries_fewer() 
     b.receive_cpm(replace(message, perceived=full), world.t)
     b.update(world.t)
     assert world.discarded("b") == ["too_many_entries"]
+
+
+def test_of_300_objects_a_message_has_the_first_that_fit_and_says_that_there_are_more() -> None:
+    here, now_ms = LocalFrame(48.0, 11.0), round(UTC_S * 1e3)
+    sender = Sender(b"aaaa", here, 0.5, 0.0)
+    objects = [
+        SharedObject(
+            number,
+            Measurement(
+                measurement_id(b"aaaa", now_ms - number % 100), np.full(2, 0.1 * number), np.eye(2)
+            ),
+            np.zeros(2),
+            1.0,
+            is_sensed=True,
+        )
+        for number in range(300)
+    ]
+    message, fitting = encode_within(objects, sender, now_ms, here, 1000, perceived=300)
+    data = cpm.encode(message)
+    assert len(fitting) > 20
+    assert fitting == objects[: len(fitting)]
+    assert len(data) <= 1000
+    one_more, _ = encode_within(
+        objects[: len(fitting) + 1], sender, now_ms, here, 2000, perceived=300
+    )
+    assert len(cpm.encode(one_more)) > 1000
+
+    theirs = ORACLE.decode(NAME, data)["payload"]["cpmContainers"][-1]
+    container = ORACLE.decode("PerceivedObjectContainer", theirs["containerData"])
+    assert container["numberOfPerceivedObjects"] == 255, "the most that it can say"
+    listed = [each["objectId"] for each in container["perceivedObjects"]]
+    assert listed == list(range(len(fitting)))
+
+
+def test_all_eight_segments_of_what_a_road_side_unit_perceives_are_used() -> None:
+    """They arrive together, with one reference time."""
+    world = two_and_one()
+    world.run(2.0)
+    for _ in range(6):
+        world.run(0.5)
+        message = plain(last_cpm(world))
+        (each,) = message.perceived.objects
+        unit = replace(message, station_id=b"unit", orientation=None, is_road_side_unit=True)
+        theirs = ORACLE.decode(NAME, cpm.encode(unit))
+        payload = theirs["payload"]
+        for part in range(1, 9):
+            north = Coordinate((each.position.north.value_m or 0.0) + 20.0 * part, 0.5)
+            alone = replace(each, object_id=part, position=replace(each.position, north=north))
+            perceived = PerceivedObjectContainer(8, (alone,))
+            segment = {"totalMsgNo": 8, "thisMsgNo": part}
+            payload["managementContainer"]["segmentationInfo"] = segment
+            payload["cpmContainers"][-1]["containerData"] = cpm.OBJECTS.encode(perceived)
+            world.mvs["b"].receive_cpm(cpm.decode(ORACLE.encode(NAME, theirs)), world.t)
+    world.mvs["b"].update(world.t)
+    assert world.discarded("b") == []
+    places_m = [world.place_of("b", track)[1] for track in world.without_radio("b")]
+    for part in range(1, 9):
+        expected_m = world.truth("x")[1] + 20.0 * part
+        assert any(abs(place_m - expected_m) < 4.0 for place_m in places_m), places_m

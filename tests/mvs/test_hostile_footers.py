@@ -142,13 +142,13 @@ def test_the_same_estimate_a_hundred_times_is_one() -> None:
 
 
 def test_a_sender_without_pauses_is_limited_to_the_rate_of_a_fast_one() -> None:
-    """Five at once, and one for every 50 ms."""
+    """Eight at once, and one for every 50 ms."""
     mvs = victim()
     reasons = [
         say(mvs, footer_with(estimate_at(20, 60, RECENT)), NOW + k / 1000) for k in range(99)
     ]
 
-    assert sum(reason == ["too_often"] for reason in reasons) == 99 - (5 + 1)
+    assert sum(reason == ["too_often"] for reason in reasons) == 99 - (8 + 1)
 
 
 def test_delayed_footers_are_accepted_together() -> None:

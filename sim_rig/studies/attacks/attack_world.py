@@ -198,7 +198,9 @@ class Signer:
         """Return a signed CPM in a packet, as `sdsm_at`; `evidence`: with what MVS adds."""
         now_ms, sender, measured = self._measured_at(place_m, now)
         each = SharedObject(number, measured, np.zeros(2), 1.0, is_sensed=True)
-        message, _ = cpm_coding.encode_within([each], sender, now_ms, sender.anchor, FOOTER_BYTES)
+        message, _ = cpm_coding.encode_within(
+            [each], sender, now_ms, sender.anchor, FOOTER_BYTES, perceived=1
+        )
         if not evidence:
             message = replace(message, perceived=replace(message.perceived, evidence=None))
         return self.signed(cpm.encode(message), psid.CPM, now)
