@@ -5,6 +5,8 @@ mm wide on a plate of 520 mm) stays outside or is cut in two, and the gap comes 
 too long. The band is found by its colour, if it differs from that of the bodywork beside it.
 """
 
+import statistics
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +28,9 @@ MIN_BLUE_SHARE = 0.35
 may be bluer than the band."""
 _BAND_STEPS, _LAST_STEPS = 16, 6
 _REACH, _STEP = 3 * BAND, BAND / _BAND_STEPS
-_HEIGHTS, _SMOOTHED = 16, 5
+_POSITIONS = np.arange(-_REACH, _REACH, _STEP)
+_IS_NEAR = np.abs(_POSITIONS) < 1.2 * BAND
+_HEIGHTS, _SMOOTHED = np.linspace(0.25, 0.75, 16)[:, None, None], 5
 
 _Values = npt.NDArray[np.float64]
 
@@ -36,10 +40,9 @@ def include_blue_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corn
 
     Returns `corners_px` itself if there is none. `image`: (h, w, 3), BGR.
     """
-    positions = np.arange(-_REACH, _REACH, _STEP)
-    colours = _colours(image, corners_px, positions)
+    colours = _colours(image, corners_px)
     blueness = colours[:, 0] - colours[:, 1:].max(axis=1)
-    near = np.where(np.abs(positions) < 1.2 * BAND, blueness, 0.0)
+    near = np.where(_IS_NEAR, blueness, 0.0)
     is_blue = (near >= MIN_BLUE_SHARE * near.max()) & (near > 0)
     if not is_blue.any():
         return corners_px
@@ -51,9 +54,9 @@ def include_blue_band(image: npt.NDArray[np.uint8], corners_px: Corners) -> Corn
         return corners_px
     unlike = np.abs(colours[: middle + 1] - colours[middle]).max(axis=1)[::-1]
     to_left = _end(unlike[: round(1.4 * _BAND_STEPS)])
-    if not NARROWEST <= positions[last_blue] - positions[middle] + to_left <= WIDEST:
+    if not NARROWEST <= _POSITIONS[last_blue] - _POSITIONS[middle] + to_left <= WIDEST:
         return corners_px
-    share = float(positions[middle]) - to_left
+    share = float(_POSITIONS[middle]) - to_left
     top_left, top_right, bottom_right, bottom_left = corners_px
     moved = [
         top_left + share * (top_right - top_left),
@@ -70,7 +73,7 @@ def _end(unlike: _Values) -> float:
     A blurred edge is where half of the difference is reached. Infinite if the band does not end, or
     if its colour occurs again behind its end.
     """
-    beyond = float(np.median(unlike[-_LAST_STEPS:]))
+    beyond = statistics.median(unlike[-_LAST_STEPS:].tolist())
     half = beyond / 2
     first = int(np.argmax(unlike >= half))
     if beyond < COLOUR_CONTRAST or (unlike[first:] < min(half, COLOUR_CONTRAST)).any():
@@ -79,14 +82,15 @@ def _end(unlike: _Values) -> float:
     return float(first - (after - half) / (after - before)) * _STEP
 
 
-def _colours(image: npt.NDArray[np.uint8], corners_px: Corners, positions: _Values) -> _Values:
+def _colours(image: npt.NDArray[np.uint8], corners_px: Corners) -> _Values:
     """BGR by position along the plate (0 left to 1 right): means over the middle of its height."""
-    along, down = positions[:, None], np.linspace(0.25, 0.75, _HEIGHTS)[:, None, None]
+    along = _POSITIONS[:, None]
     top_left, top_right, bottom_right, bottom_left = corners_px
     upper = top_left + along * (top_right - top_left)
     lower = bottom_left + along * (bottom_right - bottom_left)
-    points = (upper + down * (lower - upper) - 0.5).astype(np.float32)
+    points = (upper + _HEIGHTS * (lower - upper) - 0.5).astype(np.float32)
     colours = cv2.remap(
         image, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    return np.asarray(np.mean(cv2.blur(colours, (_SMOOTHED, 1)), axis=0), np.float64)
+    smooth = cv2.blur(colours, (_SMOOTHED, 1))
+    return np.asarray(cv2.reduce(smooth, 0, cv2.REDUCE_AVG, dtype=cv2.CV_64F)[0], np.float64)

@@ -74,7 +74,7 @@ class Detection:
 
     def with_width(self, width_m: float) -> "Detection":
         """The same plate with another width, at a distance in proportion to it."""
-        if not self.positions:
+        if not self.positions or width_m == self.width_m:
             return self
         factor = width_m / self.width_m
         return replace(

@@ -113,21 +113,26 @@ def _spread(sample: Image) -> float:
     """
     rows, columns = (max(side // _COARSE, _MIN_COARSE) for side in sample.shape[:2])
     coarse = cv2.resize(sample, (columns, rows), interpolation=cv2.INTER_AREA)
-    return float(np.std(coarse, axis=(0, 1)).max())
+    return float(cv2.meanStdDev(coarse)[1].max())
 
 
 def _has_sky_below(sample: Image) -> bool:
     quarter = max(1, len(sample) // 4)
-    above, below = float(sample[:quarter].mean()), float(sample[-quarter:].mean())
-    is_day = float(sample.mean()) >= DAY_LEVEL
+    above, below, level = (_mean(each) for each in (sample[:quarter], sample[-quarter:], sample))
+    is_day = level >= DAY_LEVEL
     return is_day and below >= max(SKY_LEVEL, above + SKY_STEP)
+
+
+def _mean(image: Image) -> float:
+    return sum(cv2.mean(image)[:3]) / 3
 
 
 def _clipped_share(sample: Image) -> float:
     """Share of the road, which is in the lower half, that is white and shows nothing."""
     rows = len(sample)
     road = sample[rows // 2 : rows - round(_RIM * rows)]
-    return float((np.minimum.reduce(cv2.split(road)) >= CLIPPED_LEVEL).mean())
+    clipped = cv2.inRange(road, (CLIPPED_LEVEL,) * 3, (255,) * 3)
+    return cv2.countNonZero(clipped) / clipped.size
 
 
 def _is_repeat(sample: Image, last: Image) -> bool:
@@ -139,7 +144,7 @@ def _is_repeat(sample: Image, last: Image) -> bool:
 
 def _correlation(one: Image, other: Image) -> float:
     """Pearson's correlation of the green channels."""
-    first, second = (np.asarray(sample[..., 1], np.float32) for sample in (one, other))
+    first, second = (np.asarray(sample[..., 1], np.float32).ravel() for sample in (one, other))
     first -= first.mean()
     second -= second.mean()
-    return float((first * second).mean() / (first.std() * second.std() + 1e-6))
+    return float(first @ second / (np.sqrt((first @ first) * (second @ second)) + 1e-6))

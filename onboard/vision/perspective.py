@@ -28,6 +28,7 @@ Corners = npt.NDArray[np.float32]
 
 _UNTIL_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-6)
 """Undistortion has no closed form; OpenCV's default of five iterations leaves errors at the rim."""
+_IDENTITY = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +139,14 @@ class Perspective:
         """Slopes (n, 2) of each point's ray: right and down per metre ahead."""
         points = np.asarray(points_px, np.float64).reshape(-1, 1, 2)
         undistorted = cv2.undistortPointsIter(
-            points, self._matrix, self._distortion, np.eye(3), np.eye(3), _UNTIL_EXACT
+            points, self._matrix, self._distortion, _IDENTITY, _IDENTITY, _UNTIL_EXACT
         )
-        rays = np.column_stack([undistorted[:, 0], np.ones(len(points))]) @ self._to_car.T
+        rays = undistorted[:, 0] @ self._to_car[:, :2].T + self._to_car[:, 2]
         return np.asarray(rays[:, :2] / rays[:, 2:], np.float64)
 
 
 def bounding_box(corners_px: Corners) -> ImageBox:
     """The upright rectangle around corners."""
-    columns, rows = zip(*corners_px.tolist(), strict=True)  # numpy takes longer for so few
+    columns, rows = corners_px.T.tolist()  # numpy takes longer for so few
     left, top = min(columns), min(rows)
     return ImageBox(left, top, max(columns) - left, max(rows) - top)

@@ -257,8 +257,7 @@ def _merged(
     rows, columns, strength = rows[order], columns[order], strength[order]
     middles = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2
     corners = offsets[:, rows, columns].T.reshape(-1, 4, 2) * CORNER_UNIT_PX + middles[:, None]
-    centres, widths = corners.mean(axis=1), np.ptp(corners[..., 0], axis=1)
-    heights = np.ptp(corners[..., 1], axis=1)
+    centres, (widths, heights) = corners.mean(axis=1), np.ptp(corners, axis=1).T
     plates: list[PlateDetection] = []
     free = np.ones(len(rows), bool)
     while free.any():
