@@ -114,16 +114,17 @@ def encode_within(
     def message_of(count: int) -> CollectivePerceptionMessage:
         return _message_of(fitting[:count], sender, reference_ms, frame, perceived)
 
-    def is_too_long(count: int) -> bool:
-        message = message_of(count)
+    def is_too_long(message: CollectivePerceptionMessage) -> bool:
         evidence = message.perceived.evidence
         has_names = evidence is None or len(evidence.observers) <= MAX_OBSERVERS
         return not has_names or len(cpm.encode(message)) > max_bytes
 
-    if is_too_long(len(fitting)):
-        count = bisect_left(range(1, len(fitting)), x=True, key=is_too_long)
-        fitting = fitting[:count]
-    return message_of(len(fitting)), fitting
+    message = message_of(len(fitting))
+    if is_too_long(message):
+        counts = range(1, len(fitting))
+        fitting = fitting[: bisect_left(counts, x=True, key=lambda n: is_too_long(message_of(n)))]
+        message = message_of(len(fitting))
+    return message, fitting
 
 
 def _message_of(
