@@ -1,16 +1,18 @@
-"""Heading of the host vehicle: a one-dimensional Kalman filter over the receiver's courses.
+"""Heading of the host vehicle: a one-dimensional Kalman filter over courses and yaw rates.
 
 A receiver derives the course from a velocity whose error is the same at every speed. So the error
 of the course is that of the velocity over the speed: 0.4 degrees in town, 6 at walking pace.
 Between two courses the vehicle may turn: per metre, the variance of its heading grows by the square
 of the curvature that drivers take at that speed. So a vehicle that stops keeps the heading by its
-better courses, and one that sets off takes the new ones.
+better courses, and one that sets off takes the new ones. A yaw rate on the bus says how far it has
+turned: it is weighed against that variance, and so counts for nothing at rest.
 """
 
 import math
 from dataclasses import dataclass
 
-from onboard.observations import Position
+from onboard.kinematics.turned_angle import TurnedAngle
+from onboard.observations import Position, YawRate
 
 CURVATURE_1_M = 0.02
 """Curvature at low speed. Fitted with `LATERAL_M_S2` to real drives (docs/design/mvs.md)."""
@@ -32,7 +34,7 @@ class Heading:
 
 
 class HeadingFilter:
-    """Filters the courses of fixes, which arrive in the order of their stamps."""
+    """Filters the courses of fixes, which arrive in the order of their stamps, and yaw rates."""
 
     def __init__(self, velocity_sigma_m_s: float, mounting_sigma_rad: float) -> None:
         """Start without a heading.
@@ -47,12 +49,20 @@ class HeadingFilter:
         self._variance = 0.0
         self._stamp_s = 0.0
         self._speed_m_s = 0.0
+        self._turned = TurnedAngle()
+
+    def receive_yaw_rate(self, sample: YawRate) -> None:
+        """Take a sample of the bus."""
+        self._turned.receive_yaw_rate(sample)
 
     def receive_position(self, fix: Position) -> None:
         """Use the next fix; one without a speed is ignored."""
         if fix.speed_m_s is None:
             return
-        self._variance += self._turn_variance(fix.stamp_s, fix.speed_m_s)
+        turned_rad, variance = self._turn(fix.stamp_s, fix.speed_m_s)
+        self._variance += variance
+        if self._heading_rad is not None:
+            self._heading_rad = (self._heading_rad + turned_rad) % math.tau
         self._stamp_s, self._speed_m_s = fix.stamp_s, fix.speed_m_s
         if fix.course_rad is None or fix.speed_m_s < MIN_COURSE_SPEED_M_S:
             return
@@ -71,13 +81,19 @@ class HeadingFilter:
         """Return the heading at `stamp_s`; `None` before the first usable course."""
         if self._heading_rad is None:
             return None
-        turned = self._turn_variance(stamp_s, self._speed_m_s)
-        variance = self._variance + turned + self._mounting_sigma_rad**2
-        return Heading(self._heading_rad, math.sqrt(variance))
+        turned_rad, turn_variance = self._turn(stamp_s, self._speed_m_s)
+        variance = self._variance + turn_variance + self._mounting_sigma_rad**2
+        return Heading((self._heading_rad + turned_rad) % math.tau, math.sqrt(variance))
 
-    def _turn_variance(self, stamp_s: float, speed_m_s: float) -> float:
-        """Variance of the turn between the last fix and `stamp_s`, in rad^2."""
+    def _turn(self, stamp_s: float, speed_m_s: float) -> tuple[float, float]:
+        """Angle turned between the last fix and `stamp_s`, and its variance in rad^2."""
         slow_m_s, fast_m_s = sorted((self._speed_m_s, speed_m_s))
         distance_m = fast_m_s * abs(stamp_s - self._stamp_s)
         curvature_1_m = min(CURVATURE_1_M, LATERAL_M_S2 / max(slow_m_s, 1.0) ** 2)
-        return curvature_1_m**2 * distance_m
+        driven = curvature_1_m**2 * distance_m
+        measured = self._turned.between(self._stamp_s, stamp_s)
+        if measured is None or driven == 0.0:
+            return 0.0, driven
+        turned_rad, noise = measured
+        weight = driven / (driven + noise)
+        return weight * turned_rad, weight * noise

@@ -10,7 +10,7 @@ from onboard.kinematics.arrays import Array
 from onboard.kinematics.heading import Heading, HeadingFilter
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.mvs.settings import SensingSettings
-from onboard.observations import Position, VehicleDetection
+from onboard.observations import Position, VehicleDetection, YawRate
 from onboard.sensors.host_state import PREDICTED_POSITION_VALID_S
 
 MAX_ORIGIN_DISTANCE_M = 5000.0
@@ -72,6 +72,10 @@ class HostVehicle:
             self.frame = here
         self._state = self.reported_state(fix)
         return moved
+
+    def receive_yaw_rate(self, sample: YawRate) -> None:
+        """Take how fast the vehicle turns."""
+        self._heading.receive_yaw_rate(sample)
 
     def leaves_frame(self, fix: Position) -> bool:
         """Whether the frame is moved with this fix."""

@@ -34,7 +34,7 @@ from onboard.mvs.remote_vehicles import (
 from onboard.mvs.settings import MvsSettings
 from onboard.mvs.tracked_objects import as_tracked_objects, without_radio
 from onboard.mvs.waiting_footers import FOOTERS_TOGETHER, MAX_WAITING_FOOTERS, WaitingFooters
-from onboard.observations import Discarded, Position, VehicleDetection
+from onboard.observations import Discarded, Position, VehicleDetection, YawRate
 from onboard.tracking.evidence_store import EvidenceBatch
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.slices import result_of
@@ -150,6 +150,10 @@ class MultiVehicleSensing(Core):
             self._remote_vehicles.change_frame(*moved)
             self._road_side_units.change_frame(*moved)
             self._waiting.change_frame(*moved)
+
+    def receive_yaw_rate(self, sample: YawRate) -> None:
+        """Take how fast the host vehicle turns."""
+        self._host.receive_yaw_rate(sample)
 
     def receive_detection(self, detection: VehicleDetection) -> None:
         """Take a vehicle that own sensors detect, with a radio or without."""

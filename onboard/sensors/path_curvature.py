@@ -11,10 +11,9 @@ from collections.abc import Iterator, Sequence
 
 from onboard.kinematics.course_rate import WINDOW_S, CourseRate, course_rate
 from onboard.kinematics.heading import CURVATURE_1_M, LATERAL_M_S2
+from onboard.kinematics.turned_angle import YAW_RATE_SHARE, YAW_RATE_SIGMA_RAD_S
 from onboard.observations import Curvature, Position, Speed, Steering, YawRate
 
-YAW_RATE_SIGMA_RAD_S, YAW_RATE_SHARE = 0.005, 0.03
-"""Sigma of a yaw rate sensor: its offset and the swaying in the lane; its scale."""
 STEERING_SIGMA_1_M, STEERING_SHARE = 0.0005, 0.15
 """Sigma of a curvature by the steering wheel: an offset of 1 degree; understeer, and the ratio."""
 VELOCITY_SIGMA_M_S = 0.1

@@ -23,6 +23,7 @@ from onboard.observations import (
     Position,
     Speed,
     VehicleDetection,
+    YawRate,
 )
 from onboard.security.pseudonyms import Pseudonym
 from onboard.sensors.host_state import HostState
@@ -102,6 +103,8 @@ class SharedSensing:
             case Position():
                 self.transmitter.receive_position(observation)
                 self.mvs.receive_position(observation)
+            case YawRate():
+                self.mvs.receive_yaw_rate(observation)
             case VehicleDetection():
                 self.mvs.receive_detection(observation)
             case DetectionList():

@@ -265,8 +265,11 @@ class Vehicle(Core):
 
     def receive_observation(self, observation: HostObservation, now: float) -> None:
         """Take what a sensor of the vehicle has measured."""
-        if not self._sensors.receive_observation(observation, now):
-            return
+        if self._sensors.receive_observation(observation, now):
+            self.take_checked(observation, now)
+
+    def take_checked(self, observation: HostObservation, now: float) -> None:
+        """Take what a sensor has measured that is known to be right."""
         self.host.receive_observation(observation)
         self._sharing.receive_observation(observation, now)
         match observation:
