@@ -18,7 +18,7 @@ from onboard.kinematics.heading import (
     Heading,
     HeadingFilter,
 )
-from onboard.observations import Position
+from onboard.observations import Position, YawRate
 
 SIGMA_M_S, MOUNTING_RAD = 0.1, 0.02
 
@@ -170,6 +170,47 @@ def test_a_fix_without_speed_or_course_changes_nothing_but_the_time(said: Positi
 
     assert known(other, 2.0).heading_rad == known(one, 2.0).heading_rad
     assert known(other, 2.0).sigma_rad == pytest.approx(known(one, 2.0).sigma_rad)
+
+
+@pytest.mark.parametrize("sensor_error_rad_s", [-0.004, 0.004])
+def test_a_yaw_rate_shows_a_slow_turn_before_the_courses_do(sensor_error_rad_s: float) -> None:
+    """As a left turn of Euro NCAP at 10 km/h: by courses alone the heading is late."""
+    rng = np.random.default_rng(3)
+    speed_m_s, rate_rad_s = 2.8, -0.3
+    times = np.arange(0.0, 8.0, 0.1).tolist()
+    moments = [(at, speed_m_s, rate_rad_s * max(at - 5.0, 0.0)) for at in times]
+    late: list[float] = []
+    found: list[float] = []
+    for _ in range(20):
+        by_courses, by_both = (HeadingFilter(SIGMA_M_S, MOUNTING_RAD) for _ in range(2))
+        for said, (at, _, truth_rad) in zip(drive(moments, rng), moments, strict=True):
+            for step in range(5):
+                turned = rate_rad_s if at > 4.99 else 0.0
+                sample = YawRate(at + step / 50.0, turned + sensor_error_rad_s, "can")
+                by_both.receive_yaw_rate(sample)
+            for each, errors in ((by_courses, late), (by_both, found)):
+                each.receive_position(said)
+                if 5.5 <= at < 6.5:
+                    errors.append(off_rad(known(each, at), truth_rad))
+
+    late_rad, found_rad = (np.sqrt(np.mean(np.square(each))) for each in (late, found))
+    assert found_rad < min(0.02, late_rad / 2.0)
+
+
+def test_between_fixes_it_turns_as_the_yaw_rate_says_and_at_rest_it_does_not() -> None:
+    driving, standing = (
+        after([fix(0.0, 5.0, 1.0)]),
+        after([fix(0.0, 5.0, 1.0), fix(0.1, 0.0, None)]),
+    )
+    for heading in (driving, standing):
+        for k in range(40):
+            heading.receive_yaw_rate(YawRate(k / 50, 0.3, "can"))
+
+    assert off_rad(known(driving, 0.5), 1.15) == pytest.approx(0.0, abs=0.02)
+    assert known(driving, 0.5).sigma_rad < known(after([fix(0.0, 5.0, 1.0)]), 0.5).sigma_rad
+    assert known(standing, 0.5).heading_rad == pytest.approx(1.0, abs=0.005)
+    gone = known(driving, 5.0)  # its samples are too old
+    assert gone == known(after([fix(0.0, 5.0, 1.0)]), 5.0)
 
 
 # --- Beside others -------------------------------------------------------------------------------

@@ -116,7 +116,7 @@ class WiredVehicle:
         turned_rad = math.remainder(after.heading_rad - before.heading_rad, math.tau)
         noise_rad_s = YAW_RATE_SIGMA_RAD_S * self.rng.standard_normal()
         yaw_rate_rad_s = turned_rad / STEP_S + noise_rad_s
-        self.vehicle.host.receive_observation(YawRate(at_s, yaw_rate_rad_s, "can"))
+        self.vehicle.take_checked(YawRate(at_s, yaw_rate_rad_s, "can"), now)
 
     def _read_speed(self, now: float) -> Speed | None:
         if now < self._speed_at:

@@ -115,6 +115,20 @@ def test_a_car_that_crosses_is_in_view_of_corner_radars() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_car_that_comes_towards_a_slow_left_turn_stays_in_its_lane_by_radar(number: int) -> None:
+    """By courses alone, the heading is late in the turn, and the other car seems to come aside."""
+    turns = ProceduresSettings(
+        seed=5, procedures=(ProcedureName.CCFTAP,), profiles=("radar-150",), runs=2
+    )
+
+    row = STUDY.one(turns, 9 + number)
+
+    assert row.lead_s is not None
+    assert row.lead_s >= row.asked_s
+
+
+@pytest.mark.long
 def test_a_left_turn_is_known_as_it_begins() -> None:
     turns = ProceduresSettings(procedures=(ProcedureName.CCFTAP,), profiles=("bsm",), runs=1)
 
