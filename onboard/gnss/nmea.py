@@ -92,9 +92,13 @@ class NmeaReader:
         return self._events.popleft() if self._events else None
 
     def _receive_sentence(self, sentence: Sentence, now: float | None) -> None:
-        if sentence.kind == "ZDA":
-            self._date = sentence.date or self._date
         epoch = self._epoch
+        if sentence.kind == "ZDA":
+            date = sentence.date or self._date
+            is_new_day = self._date not in {None, date}
+            if is_new_day and epoch and epoch.merged.time_of_day_s != sentence.time_of_day_s:
+                self._report(epoch, now)  # it is of the day before
+            self._date = date
         if sentence.kind == "VTG":
             if epoch is not None:
                 self._join(epoch, sentence, now)

@@ -238,6 +238,13 @@ def test_midnight_of_a_receiver_that_sends_its_date_once() -> None:
     assert stamps == [utc(2023, 12, 31, 23, 59, 59) + n for n in range(4)]
 
 
+def test_midnight_of_a_receiver_that_sends_its_date_before_each_position() -> None:
+    times = {"235959.00": "31,12,2023", "000000.00": "01,01,2024", "000001.00": "01,01,2024"}
+    texts = [t for time, day in times.items() for t in (f"GPZDA,{time},{day},00,00", at(GGA, time))]
+    stamps = [position.stamp_s for position in read(*texts)]
+    assert stamps == [utc(2023, 12, 31, 23, 59, 59) + n for n in range(3)]
+
+
 def test_a_recording_without_a_date_has_no_stamps_and_is_discarded() -> None:
     discarded, *_ = read(GGA, at(GGA, "045001.34"), at(GGA, "045002.34"))
     assert a(Discarded, discarded).reason == "nmea_no_date"
