@@ -20,6 +20,11 @@ RANGE_ERROR_BY_QUALITY: Mapping[int, float] = {2: 0.5, 4: 0.01, 5: 0.1, 6: 3.0}
 RTK float, 6 dead reckoning."""
 
 
+def known_dop(dop: float | None) -> float | None:
+    """A dilution of precision, for which receivers write 0 or 99 if they do not know it."""
+    return dop if dop is not None and 0 < dop < 99 else None
+
+
 def sigma_from_hdop_m(hdop: float | None, quality: int | None) -> float:
     """Sigma of a fix of this GGA `quality`; unknown values are `None`."""
     error_m = RANGE_ERROR_M * RANGE_ERROR_BY_QUALITY.get(quality or 0, 1.0)

@@ -14,7 +14,7 @@ import math
 from collections import deque
 from typing import Any
 
-from onboard.gnss.accuracy import sigma_from_hdop_m, sigma_of_axes_m
+from onboard.gnss.accuracy import known_dop, sigma_from_hdop_m, sigma_of_axes_m
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
 from onboard.sensors.remote_clock import RemoteClock
@@ -90,8 +90,8 @@ class GpsdReader:
         match report:
             case {"class": "TPV"}:
                 self._receive_tpv(report, now)
-            case {"class": "SKY"}:
-                self._hdop = _number(report, "hdop", 0.0, 99.0)
+            case {"class": "SKY", "hdop": _}:  # others tell of satellites only
+                self._hdop = known_dop(_number(report, "hdop", 0.0, 1e6))
             case {"class": "GST"}:
                 self._receive_gst(report)
             case {"class": "ERROR"}:

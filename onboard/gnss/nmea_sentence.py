@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 
+from onboard.gnss.accuracy import known_dop
 from onboard.kinematics.units import KNOT
 
 _SENTENCE = re.compile(rb"\$(?!P)([A-Z]{2})([A-Z]{3})(,[ -#%-)+-~]*)(?:\*([0-9A-Fa-f]{2}))?")
@@ -175,7 +176,7 @@ def _gga(fields: _Fields) -> Sentence:
         longitude_deg=fields.longitude_deg(3) if is_fix else None,
         altitude_m=fields.altitude_m(8, 10),
         quality=quality,
-        hdop=_dop(fields, 7),
+        hdop=known_dop(fields.number(7, 0, 1e6)),
     )
 
 
@@ -189,7 +190,7 @@ def _gns(fields: _Fields) -> Sentence:
         latitude_deg=fields.latitude_deg(1) if is_fix else None,
         longitude_deg=fields.longitude_deg(3) if is_fix else None,
         altitude_m=fields.altitude_m(8, 9),
-        hdop=_dop(fields, 7),
+        hdop=known_dop(fields.number(7, 0, 1e6)),
     )
 
 
@@ -221,12 +222,6 @@ _READERS: Mapping[str, Callable[[_Fields], Sentence]] = {
     "GST": _gst,
     "ZDA": _zda,
 }
-
-
-def _dop(fields: _Fields, n: int) -> float | None:
-    """Receivers write 0 or 99 for an unknown value."""
-    dop = fields.number(n, 0, 1e6)
-    return dop if dop is not None and 0 < dop < 99 else None
 
 
 def _date(day: int, month: int, year: int) -> dt.date:

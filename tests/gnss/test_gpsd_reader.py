@@ -27,6 +27,8 @@ TPV: dict[str, Any] = {
     "epy": 3.92,
     "eph": 19.0,
 }
+SATELLITES = {"class": "SKY", "satellites": []}
+"""A report that states no dilution of precision."""
 
 
 def read(
@@ -122,6 +124,8 @@ def test_a_fix_without_time_is_stamped_by_arrival() -> None:
         ([without("epx")], 19.0 / 2.448),
         ([{"class": "SKY", "hdop": 1.5}, without("epx", "eph")], 6.0 / math.sqrt(2)),
         ([{"class": "SKY", "hdop": 1.5}, without("epx", "eph", status=2)], 3.0 / math.sqrt(2)),
+        ([{"class": "SKY", "hdop": 5.0}, SATELLITES, without("epx", "eph")], 20.0 / math.sqrt(2)),
+        ([{"class": "SKY", "hdop": 99.99}, without("epx", "eph")], 8.0 / math.sqrt(2)),
         ([without("epx", "epy", "eph")], 8.0 / math.sqrt(2)),
         ([TPV | {"epx": 0.0, "epy": 0.0}], 0.5),
     ],
