@@ -202,8 +202,8 @@ class Identification(Core):
         """Take where other vehicles are by their and the own position.
 
         Args:
-            offsets_m: by temporary ID: ahead, right, and the sigma of either, in m. Replaces all
-                that was received before.
+            offsets_m: by sender, as in `receive_speed_on_air`: ahead, right, and the sigma of
+                either, in m. Replaces all that was received before.
         """
         self._offsets_m = offsets_m
 
@@ -365,7 +365,7 @@ class Identification(Core):
 
     def _may_ask(self, signer: bytes, *, is_read: bool) -> bool:
         """Whether an asker may be behind and near, by what is known of its place."""
-        offset_m = self._offsets_m.get(self._temporary_ids.get(signer, b""))
+        offset_m = self._offsets_m.get(signer)
         return offset_m is None or (is_near(offset_m) and (is_read or is_behind(offset_m)))
 
     # Deciding
@@ -422,7 +422,7 @@ class Identification(Core):
         }
         motion, in_row = self._motion.log_ratios(), self._motion.in_row_log_ratios()
         for sender in motion:
-            offset_m = self._offsets_m.get(self._temporary_ids.get(sender, b""))
+            offset_m = self._offsets_m.get(sender)
             if offset_m is not None:
                 motion[sender] += position_log_ratio(*offset_m, lead.gap_m)
                 in_row[sender] += row_log_ratio(*offset_m)

@@ -1,6 +1,6 @@
 """What is around one vehicle, ten times a second: from the tracks to the alarms."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from onboard.intersections.intersections import Intersections
 from onboard.lcca.identification import Identification
@@ -27,6 +27,7 @@ class Surroundings:
         risk: RiskResponse,
         identification: Identification,
         *,
+        signer_of: Callable[[bytes], bytes | None],
         now: float,
     ) -> None:
         """Assess first at `now`.
@@ -37,6 +38,7 @@ class Surroundings:
             claims: leave out the vehicles that only ignored signers claim; `None`: none.
             risk: is assessed.
             identification: compares the lead with the vehicles that send BSMs.
+            signer_of: the signer of a remote vehicle's BSMs, by temporary ID.
             now: the present time.
         """
         self._mvs = mvs
@@ -44,6 +46,7 @@ class Surroundings:
         self._claims = claims
         self._risk = risk
         self._identification = identification
+        self._signer_of = signer_of
         self._assess_at = self._next_at = self._report_at = now
         self.host_vehicle: PerceivedObject | None = None
         """At the last assessment; `None` without a position."""
@@ -82,10 +85,17 @@ class Surroundings:
             sensed=mvs.sensed_objects(now),
             signals=self._intersections,
         )
-        self._identification.receive_offsets(
+        offsets_m = (
             {}
             if self.host_vehicle is None or heading is None
             else remote_offsets_m(self.host_vehicle, self.objects, heading.heading_rad)
+        )
+        self._identification.receive_offsets(
+            {
+                sender: offset_m
+                for remote_id, offset_m in offsets_m.items()
+                if (sender := self._signer_of(remote_id)) is not None
+            }
         )
         return self._to_report(now)
 

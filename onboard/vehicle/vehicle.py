@@ -169,6 +169,7 @@ class Vehicle(Core):
             self._claims,
             self._risk,
             self._lcca.identification,
+            signer_of=self._misbehaviour.signer_of,
             now=now,
         )
         self._events: deque[Event] = deque()

@@ -197,7 +197,7 @@ def test_insiders_that_move_as_the_lead_and_answer_nobody_hardly_delay_it(
     insiders = {f"evil{number}".encode(): f"t-e{number}".encode() for number in range(others)}
     for step in range(images):
         ahead_m_s = SPEED_M_S + 2.0 * np.sin(step / 10.0)
-        places = dict.fromkeys(insiders.values(), (29.5, 0.0, 1.0))
+        places = dict.fromkeys(insiders, (29.5, 0.0, 1.0))
         drive.core.receive_offsets(places)
         for sender, temporary_id in insiders.items():
             drive.core.receive_speed_on_air(sender, temporary_id, ahead_m_s, drive.now)
@@ -455,7 +455,7 @@ def test_who_asks_by_bsms_may_be_behind_and_near_and_who_has_read_the_plate_near
         drive = Drive()
         drive.core.receive_speed_on_air(b"signer 9", b"asks", SPEED_M_S, 0.0)
         if ahead_m is not None:
-            drive.core.receive_offsets({b"asks": (ahead_m, 3.0, 1.0)})
+            drive.core.receive_offsets({b"signer 9": (ahead_m, 3.0, 1.0)})
         drive.core.receive_message(Inquiry(AHEAD, 7, (name,)), b"signer 9", 0.0)
         assert bool(drive.core.messages_to_send()) is is_answered
         assert drive.discarded() == ([] if is_answered else ["not_behind"])
