@@ -321,7 +321,7 @@ def show(
     typer.echo(f"  in {out}")
 
 
-@app.command("store-map")
+@app.command("map")
 def store_map(
     scenario: Annotated[
         str,
@@ -339,7 +339,7 @@ def store_map(
     index: Annotated[int, typer.Option(min=1, max=255, help="Row of the unit's table.")] = 1,
     days: Annotated[int, typer.Option(min=1, max=365, help="How long it is sent.")] = 1,
 ) -> None:
-    """Print what makes a road-side unit store the MAP message of a scenario and repeat it."""
+    """Print what makes a road-side unit repeat a MAP."""
     from sim_rig.road_side.store_and_repeat import UnitForm, stored_map  # noqa: PLC0415 (see above)
     from sim_rig.scenario.schema import load_scenario  # noqa: PLC0415 (see above)
 

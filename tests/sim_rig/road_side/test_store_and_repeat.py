@@ -58,13 +58,13 @@ def test_a_row_of_ntcip_1218_has_the_map_and_when_it_is_sent() -> None:
 
 
 def test_the_command_prints_it_and_refuses_what_has_no_map(terminal: Terminal) -> None:
-    run = terminal.run("store-map", "signal", "--index", "2")
+    run = terminal.run("map", "signal", "--index", "2")
     assert run.returncode == 0
     assert len(run.stdout.splitlines()) == 10
     for words, expected in (
         (("fig4",), "fig4: the scenario has no signal"),
         (("signal", "--form", "rsu5"), "--form: rsu5 is not one of rsu41, ntcip1218"),
     ):
-        refused = terminal.run("store-map", *words)
+        refused = terminal.run("map", *words)
         assert refused.returncode == 2
         assert expected in refused.stderr
