@@ -39,6 +39,11 @@ def options(version: VersionOption = False) -> None:
     """Take the options of the program itself; their callbacks act."""
 
 
+def _scenarios(incomplete: str) -> list[str]:
+    """Return the scenarios that the shell offers."""
+    return _beginning(incomplete, scenario_titles())
+
+
 @app.command("list")
 def list_scenarios() -> None:
     """List the scenarios that come with the rig, with their titles."""
@@ -52,7 +57,7 @@ def run(
         str,
         typer.Argument(
             help="A name that `list` shows, or a YAML file.",
-            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+            autocompletion=_scenarios,
         ),
     ],
     *,
@@ -120,7 +125,7 @@ def ladder(
         str,
         typer.Argument(
             help="A name that `list` shows, or a YAML file.",
-            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+            autocompletion=_scenarios,
         ),
     ],
     *,
@@ -202,7 +207,7 @@ def score(
         list[str] | None,
         typer.Argument(
             help="Names that `list` shows, or YAML files; without any, all.",
-            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+            autocompletion=_scenarios,
         ),
     ] = None,
     *,
@@ -327,7 +332,7 @@ def store_map(
         str,
         typer.Argument(
             help="A name that `list` shows, or a YAML file; it has a `signal`.",
-            autocompletion=lambda incomplete: _beginning(incomplete, scenario_titles()),
+            autocompletion=_scenarios,
         ),
     ],
     *,

@@ -38,7 +38,7 @@ class Surroundings:
             claims: leave out the vehicles that only ignored signers claim; `None`: none.
             risk: is assessed.
             identification: compares the lead with the vehicles that send BSMs.
-            signer_of: the signer of a remote vehicle's BSMs, by temporary ID.
+            signer_of: the sender of a remote vehicle's BSMs, by its remote ID; `None`: not known.
             now: the present time.
         """
         self._mvs = mvs
