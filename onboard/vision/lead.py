@@ -55,11 +55,7 @@ class LeadSelector:
     def select(self, tracks: list[VehicleTrack], stamp_s: float) -> VehicleTrack | None:
         """The lead among `tracks`, all predicted to `stamp_s`, if there is one."""
         inside = [
-            track
-            for track in tracks
-            if self._is_settled(track)
-            and not track.is_still_in_picture(stamp_s)
-            and self._is_inside(track)
+            track for track in tracks if self._is_settled(track, stamp_s) and self._is_inside(track)
         ]
         self._in_lane = {track.track_id for track in inside}
         observed = [track for track in inside if stamp_s - track.observed_at <= MAX_MISSED_S]
@@ -81,7 +77,7 @@ class LeadSelector:
             and not track.is_still_in_picture(stamp_s)
             and abs(self._offset_m(track.ahead.position_m, track.right.position_m))
             <= self._lane.shape.width_m
-            * (ENTER_LANE_WIDTHS if self._is_settled(track) else LEAVE_LANE_WIDTHS)
+            * (ENTER_LANE_WIDTHS if self._is_settled(track, stamp_s) else LEAVE_LANE_WIDTHS)
             for track in tracks
         )
 
@@ -94,15 +90,21 @@ class LeadSelector:
             if track.track_id not in self._in_lane and self._later_bound_m(track) <= leave_m
         ]
 
-    def _is_settled(self, track: VehicleTrack) -> bool:
-        """Whether it is surely a vehicle, and its motion is known."""
-        is_far_enough = track.ahead.position_m >= NEAREST_LANE_WIDTHS * self._lane.shape.width_m
-        is_vehicle = not self._needs_vehicle or track.has_vehicle
-        slack = LEAD_SLACK if track.track_id in self._in_lane else 1.0
+    def is_vehicle(self, track: VehicleTrack, stamp_s: float) -> bool:
+        """Whether it is a vehicle, wherever it is, and not something that looks like a plate."""
         return (
             track.confirmed
+            and (not self._needs_vehicle or track.has_vehicle)
+            and not track.is_still_in_picture(stamp_s)
+        )
+
+    def _is_settled(self, track: VehicleTrack, stamp_s: float) -> bool:
+        """Whether it is surely a vehicle, and its motion is known."""
+        is_far_enough = track.ahead.position_m >= NEAREST_LANE_WIDTHS * self._lane.shape.width_m
+        slack = LEAD_SLACK if track.track_id in self._in_lane else 1.0
+        return (
+            self.is_vehicle(track, stamp_s)
             and is_far_enough
-            and is_vehicle
             and track.is_consistent(slack)
             and SIZE_RATIOS[0] <= track.size_ratio <= SIZE_RATIOS[1]
         )

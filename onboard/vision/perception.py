@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Curvature, Discarded
+from onboard.observations import Curvature, Discarded, ImageBox
 from onboard.vision.detection import Detection
 from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
 from onboard.vision.frozen_camera import FrozenCamera
@@ -62,6 +62,8 @@ class Perception:
         self._lead_selector = LeadSelector(self._lane_watch.lane, needs_vehicle=finds_vehicles)
         self._track_report = TrackReport(cameras.lens_sigma)
         self._lead: VehicleTrack | None = None
+        self.vehicles: tuple[ImageBox, ...] = ()
+        """Where the last frame shows vehicles: the plate or tag of each, or else its rear."""
         self._events: deque[Event] = deque()
 
     def next_event(self) -> Event | None:
@@ -82,6 +84,7 @@ class Perception:
 
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Process one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
+        self.vehicles = ()
         admitted = self._admission.admit(image, stamp_s)
         if isinstance(admitted, Discarded):
             self._events.append(admitted)
@@ -125,7 +128,13 @@ class Perception:
         self._track_report.picture_sigma = self._picture_watch.range_sigma
         self._track_report.bearing_sigma_rad = self._picture_watch.bearing_sigma_rad
         self._events += self._track_report.plates(pairs, lead, stamp_s)
-        self._events += self._track_report.vehicle_detections(tracks, stamp_s)
+        found = [
+            track
+            for track in tracks
+            if track.detected_at == stamp_s and self._lead_selector.is_vehicle(track, stamp_s)
+        ]
+        self.vehicles = tuple(bounding_box(track.corners_px) for track in found)
+        self._events += self._track_report.vehicle_detections(found, stamp_s)
         may_be_free = lead is None and not self._lead_selector.has_candidate(tracks, stamp_s)
         is_free = may_be_free and self._lane_watch.is_free(stamp_s) and self._picture_watch.is_clear
         self._events.append(self._track_report.lead(lead, stamp_s, is_free=is_free))

@@ -42,10 +42,9 @@ class TrackReport:
     def vehicle_detections(
         self, tracks: Iterable[VehicleTrack], stamp_s: float
     ) -> Iterator[VehicleDetection]:
-        """Report range and bearing of each vehicle that was detected in the frame."""
+        """Report range and bearing of each vehicle of these tracks."""
         for track in tracks:
-            if track.confirmed and track.detected_at == stamp_s:
-                yield self._vehicle_detection(track, stamp_s)
+            yield self._vehicle_detection(track, stamp_s)
 
     def lead(self, track: VehicleTrack | None, stamp_s: float, *, is_free: bool) -> Lead:
         """Report gap, closing speed and identity of the lead, once its motion is known.

@@ -516,3 +516,36 @@ def test_a_lead_without_a_plate_and_a_frame_without_any_have_a_row_each() -> Non
     assert [row["lead"] for row in rows] == ["unknown", "no_lead"]
     assert [row["x_px"] for row in rows] == ["40.0", ""]
     assert [row["gap_m"] for row in rows] == ["12.00", ""]
+
+
+@pytest.mark.parametrize(
+    ("lead", "words"),
+    [
+        (Lead(0.0, LeadIdentity.NO_LEAD), "the lane is free"),
+        (Lead(0.0, LeadIdentity.UNKNOWN), "no lead found"),
+        (
+            Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0, closing_speed_m_s=1.0),
+            "plate unknown  12.0 m  closing +1.0 m/s",
+        ),
+    ],
+)
+def test_the_caption_tells_a_lane_without_a_lead_from_a_lead_without_a_text(
+    lead: Lead, words: str
+) -> None:
+    assert frame_with("drive.mp4", lead).caption == f"0.0 s  {words}"
+
+
+def test_vehicles_are_drawn_and_what_only_looks_like_a_plate_is_not() -> None:
+    rear, rail = ImageBox(10.0, 10.0, 30.0, 20.0), ImageBox(60.0, 10.0, 30.0, 20.0)
+    frame = Frame(0.0, np.zeros((60, 120, 3), np.uint8), "drive.mp4")
+    events = (replace(plate("I1TI1", 0.3), box=rail), Lead(0.0, LeadIdentity.UNKNOWN))
+
+    def is_drawn(vehicles: tuple[ImageBox, ...] | None) -> list[bool]:
+        drawn = AnnotatedFrame(0, frame, events, vehicles).annotated()
+        return [
+            bool(drawn[10, round(box.x_px) : round(box.x_px) + 30].any()) for box in (rear, rail)
+        ]
+
+    assert is_drawn((rear,)) == [True, False]
+    assert is_drawn((rear, rail)) == [True, True]
+    assert is_drawn(None) == [False, True]

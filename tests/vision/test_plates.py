@@ -1,5 +1,7 @@
 """Detections of plates, with a scripted finder and reader."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,8 @@ from onboard.vision.plate_detector import Corners, Image, PlateDetection
 from onboard.vision.plate_reader import Plates, PlateText
 from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.sized_camera import Networks
-from tests.vision.drive import CAMERA
+from onboard.vision.vehicle_finder import VehicleFinder
+from tests.vision.drive import CAMERA, observe
 
 SETTINGS = VisionSettings(tag_dictionary=None)
 
@@ -116,3 +119,20 @@ def test_a_camera_with_only_its_lens_calibrated_may_be_pitched(pitch_rad: float)
             leads += [event] if isinstance(event, Lead) else []
 
     assert leads[-1].gap_m == pytest.approx(9.5, rel=0.1)
+
+
+@pytest.mark.parametrize(("text", "are_vehicles"), [("", False), ("GN417KB", True)])
+def test_where_vehicles_are_found_an_unread_plate_alone_is_no_detected_vehicle(
+    text: str, *, are_vehicles: bool
+) -> None:
+    """Guard rails and signs may look like plates."""
+    nothing = cast("VehicleFinder", object())  # is no detector: it finds none
+    networks = Networks(Finder(435.0), Reader(*[(text, 0.99)] * 20), nothing)
+    perception = Perception(CAMERA, SETTINGS, networks)
+    rng = np.random.default_rng(1)
+    drive = ((i / 10, rng.integers(0, 255, (540, 960, 3), np.uint8)) for i in range(12))
+
+    observed = observe(perception, drive)
+
+    assert observed.plates
+    assert bool(observed.cars) == bool(perception.vehicles) == are_vehicles

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import Discarded, ImageBox, Lead, Plate, PlateCandidate
+from onboard.observations import Discarded, ImageBox, Lead, LeadIdentity, Plate, PlateCandidate
 from onboard.vision.frames import Frame
 from onboard.vision.perception import Perception
 from onboard.vision.seen import Event
@@ -43,6 +43,9 @@ class AnnotatedFrame:
     index: int
     frame: Frame
     events: tuple[Event, ...]
+    vehicles: tuple[ImageBox, ...] | None = None
+    """Where vehicles are; `None` in an independent image, where no frame before tells them from
+    what looks like a plate."""
 
     @property
     def plates(self) -> list[Plate]:
@@ -102,30 +105,41 @@ class AnnotatedFrame:
         )
 
     def annotated(self) -> npt.NDArray[np.uint8]:
-        """The image with boxes around plates, and the lead's state below."""
+        """The image with boxes around vehicles and their plates, and the lead's state below.
+
+        Plates that are on no vehicle are not drawn: they may be anything.
+        """
         image = self.frame.image.copy()
         if image.size == 0:
             return image
+        for box in self.vehicles or ():
+            _draw(image, box, _OTHER_BGR)
         lead = self.lead
         if lead is not None and lead.box is not None:
             _draw(image, lead.box, _LEAD_BGR)
         for plate in self.plates:
+            if self.vehicles is not None and plate.box not in self.vehicles:
+                continue
             colour = _LEAD_BGR if plate.is_lead else _OTHER_BGR
             _draw(image, plate.box, colour)
             if plate.text is not None:
                 label = f"{plate.text} {plate.confidence:.2f}"
                 _write(image, label, (round(plate.box.x_px), round(plate.box.y_px) - 6), colour)
-        _write(image, self._caption(), (12, image.shape[0] - 14), _LEAD_BGR)
+        _write(image, self.caption, (12, image.shape[0] - 14), _LEAD_BGR)
         return image
 
-    def _caption(self) -> str:
+    @property
+    def caption(self) -> str:
+        """The answer on the lead, in words."""
         lead = self.lead
         if lead is None:
             return f"{self.frame.stamp_s:.1f} s  skipped: {', '.join(self._faults) or 'frozen'}"
-        caption = f"{self.frame.stamp_s:.1f} s  {lead.text or lead.identity.replace('_', ' ')}"
+        caption = f"{self.frame.stamp_s:.1f} s  "
         if lead.gap_m is None:
-            return caption
-        caption += f"  {lead.gap_m:.1f} m  closing {lead.closing_speed_m_s:+.1f} m/s"
+            is_free = lead.identity is LeadIdentity.NO_LEAD
+            return caption + ("the lane is free" if is_free else "no lead found")
+        caption += f"{lead.text or 'plate unknown'}  {lead.gap_m:.1f} m"
+        caption += f"  closing {lead.closing_speed_m_s:+.1f} m/s"
         likely = [each for each in lead.candidates if each.probability >= MIN_DRAWN]
         return f"{caption}  {_candidates(likely[:DRAWN_CANDIDATES])}".rstrip()
 
@@ -147,7 +161,7 @@ def annotate_frames(
         events: list[Event] = []
         while (event := perception.next_event()) is not None:
             events.append(event)
-        yield AnnotatedFrame(index, frame, tuple(events))
+        yield AnnotatedFrame(index, frame, tuple(events), None if alone else perception.vehicles)
 
 
 def _candidates(candidates: Iterable[PlateCandidate]) -> str:
