@@ -14,8 +14,16 @@ demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready) ## the main jobs
 	$(PYTHON) -m sim_rig run platoon --virtual
 	$(PYTHON) -m sim_rig run shared-detection
 
-test: .venv/ready system-packages lint ## the gate: style, types, short tests
+# While one core checks the types, the other compiles: else each worker of pytest compiles all tests,
+# and each daemon that a test starts compiles itself. What cannot be imported, the tests tell.
+test test-long bytecode: export PYTHONDONTWRITEBYTECODE :=
+test: .venv/ready system-packages ## the gate: style, types, short tests
+	@$(MAKE) --no-print-directory --jobs 2 lint bytecode
 	$(PYTEST) -m "not long and not live and not browser"
+
+.PHONY: bytecode
+bytecode: .venv/ready
+	@$(PYTHON) -m pytest -qq --collect-only --ignore=tests/browser > /dev/null || true
 
 # Whole drives, studies, rendered images, and searches of many examples.
 test-long: .venv/ready system-packages ## whole drives, studies, rendered images

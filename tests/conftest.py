@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -26,6 +27,14 @@ def pytest_sessionstart() -> None:
 def pytest_collection_finish() -> None:
     gc.freeze()  # nor does any later search look through it: a third of the time to collect tests
     gc.enable()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _frozen_tests() -> Iterator[None]:
+    """Daemons and campaigns in this process would look through all that the tests are made of."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gc, "unfreeze", lambda: None)
+        yield
 
 
 DEFAULT_RIG_DATA = Path(__file__).parents[2] / "shared" / "data"
