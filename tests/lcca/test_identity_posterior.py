@@ -149,6 +149,7 @@ def test_a_text_that_has_left_the_camera_s_list_is_less_likely_than_those_on_it(
     assert vehicle_probabilities(listed, heard, {A: -9.0, B: 7.0})[B] > 0.999
 
 
+@pytest.mark.long
 @given(
     st.dictionaries(TEXTS, st.tuples(st.floats(0.0, 1.0), st.integers(0, 9)), max_size=16),
     st.dictionaries(st.binary(max_size=2), TEXTS, max_size=32),

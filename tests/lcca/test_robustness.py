@@ -81,6 +81,7 @@ steps = st.one_of(
 )
 
 
+@pytest.mark.long
 @given(st.lists(steps, max_size=60))
 @settings(max_examples=300, derandomize=True, database=None)
 def test_any_sequence_of_inputs_leaves_a_consistent_state(

@@ -12,6 +12,7 @@ from tests.lcca.road import Air, Road, places, true_places
 from tests.lcca.rows import fewest_transmissions, row
 
 
+@pytest.mark.long
 @settings(max_examples=25, derandomize=True)
 @given(
     gaps_m=st.lists(st.floats(6.0, 38.0), min_size=2, max_size=14),

@@ -123,6 +123,7 @@ def test_the_host_vehicle_reported_back_is_recognised() -> None:
     assert only(world.without_radio("b")).source is ObjectSource.SENSOR
 
 
+@pytest.mark.long
 def test_two_cars_side_by_side_are_two() -> None:
     """Neighbouring lanes, one overtakes the other; one observer, then two."""
     for observers in (1, 2):
@@ -288,6 +289,7 @@ def test_a_standing_car_keeps_its_last_heading() -> None:
     assert ahead.state[:2] == pytest.approx((20.0, 0.0), abs=0.1)
 
 
+@pytest.mark.long
 def test_on_a_long_drive_the_frame_moves_and_no_track_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -35,6 +35,7 @@ def test_evidence_forwarded_in_circles_is_used_once() -> None:
         assert np.abs(world.place_of(f"c{k}", x) - world.truth("x"))[:2].max() < 0.7
 
 
+@pytest.mark.long
 def test_a_ring_that_has_lost_sight_does_not_keep_a_car_alive() -> None:
     world = ring(4)
     world.run(2.0)

@@ -74,7 +74,9 @@ def test_footer_and_sdsm_of_one_sender_name_the_same_measurements() -> None:
     assert both.covariance == only(footer_only.without_radio("b")).covariance
 
 
-@pytest.mark.parametrize("shared_in", [SharedIn.SDSM, SharedIn.BOTH])
+@pytest.mark.parametrize(
+    "shared_in", [SharedIn.SDSM, pytest.param(SharedIn.BOTH, marks=pytest.mark.long)]
+)
 def test_evidence_in_circles_is_used_once(shared_in: SharedIn) -> None:
     world = ring(4, settings=EXACT.model_copy(update={"shared_in": shared_in}))
     for _ in range(10):

@@ -61,7 +61,9 @@ class WrongAtFirst(World):
         return replace(right, range_m=right.range_m + 7.0) if is_wrong else right
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))]
+)
 def test_a_vehicle_whose_tracks_were_merged_sends_nothing_again(seed: int) -> None:
     """Others forward both measurements of x together once they have one track of it."""
     sight = frozenset({"x"})

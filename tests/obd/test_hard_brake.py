@@ -294,6 +294,7 @@ def test_a_clock_that_jumps_back_starts_a_new_window() -> None:
     assert len(alarms([*speeds, *speeds])) == 2
 
 
+@pytest.mark.long
 @given(
     seed=st.integers(0, 2**32 - 1),
     period_s=st.sampled_from([0.05, 0.1, 0.2, 0.5]),

@@ -83,6 +83,7 @@ class BeforeTheChange(RecordedDrive):
         return (each for each in super().entries() if each.topic != "/in/entropy_input")
 
 
+@pytest.mark.long
 def test_a_drive_that_changes_its_seed_with_its_pseudonym_is_replayed(tmp_path: Path) -> None:
     seeds = iter((b"a seed of 16 oct",))
     recording = RecordedDrive(
@@ -273,6 +274,7 @@ def test_play_yields_the_events_of_the_drive(drive: Path) -> None:
 # ---- several segments ---------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_all_segments_of_a_drive_are_replayed_as_one(tmp_path: Path) -> None:
     recording = RecordedDrive([record_drive(tmp_path, segment_s=1.0)])
 

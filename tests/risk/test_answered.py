@@ -87,6 +87,7 @@ def constant(braking_m_s2: float) -> Braking:
     return lambda _: braking_m_s2
 
 
+@pytest.mark.long
 @given(
     gap_m=st.floats(5.0, 80.0),
     speed=st.floats(8.0, 35.0),

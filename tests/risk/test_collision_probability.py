@@ -152,6 +152,7 @@ def test_what_cannot_happen_is_exactly_zero(a: Approach, b: Approach) -> None:
     assert p_c(a, b) == 0.0
 
 
+@pytest.mark.long
 @settings(max_examples=150)
 @given(
     d=st.tuples(st.floats(-60.0, 200.0), st.floats(-60.0, 200.0)),

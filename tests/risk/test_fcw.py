@@ -43,6 +43,7 @@ def least_gap_m(gap_m: float, own: Motion, lead: Motion, until_s: float = 30.0) 
     return min(gap_m + lead(t)[0] - own(t)[0] for t in np.linspace(0.0, until_s, 1500))
 
 
+@pytest.mark.long
 @given(
     gap_m=st.floats(1.0, 150.0),
     speed=st.floats(0.0, 40.0),

@@ -69,8 +69,7 @@ MOUNTS = {
 
 @pytest.fixture(
     params=[
-        pytest.param(each, marks=pytest.mark.long) if each == "read-only" else each
-        for each in MOUNTS
+        each if each == "full" else pytest.param(each, marks=pytest.mark.long) for each in MOUNTS
     ]
 )
 def daemon(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Daemon]:

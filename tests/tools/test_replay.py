@@ -70,6 +70,7 @@ def test_can_frames_and_positions_are_merged_in_order_of_time(rig_data: Path) ->
     assert kinds["position"] > 500
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_an_nmea_log_cut_within_a_sentence_starts_at_its_first_fix(
     rig_data: Path, tmp_path: Path

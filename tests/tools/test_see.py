@@ -148,6 +148,7 @@ def test_scores_are_printed_against_ground_truth(drive: Path) -> None:
     assert output[2].split()[:7] == ["all", "10", "10", "100.0", "%", "100.0", "%"]
 
 
+@pytest.mark.long
 def test_the_annotated_video_has_every_frame(drive: Path, tmp_path: Path) -> None:
     run(drive / "pictures", "--fps", "10", *options(drive), "--video", tmp_path / "seen.mp4")
 
@@ -309,7 +310,8 @@ def test_a_full_disk_is_an_error(drive: Path) -> None:
         run(drive / "pictures", *options(drive), "--csv", "/dev/full")
 
 
-@pytest.mark.parametrize("name", ["seen.webm", pytest.param("seen.mp4", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["seen.webm", "seen.mp4"])
 def test_a_video_on_a_full_disk_is_an_error(drive: Path, tmp_path: Path, name: str) -> None:
     """A limit of the size of files, which the kernel enforces as a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

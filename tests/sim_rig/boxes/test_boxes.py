@@ -174,6 +174,7 @@ def test_two_wires_of_one_box_with_one_address_are_named(fig4: Scenario, tmp_pat
     assert f"red: camera.port: 127.0.0.1:{BUS} is bus.port of red already" in mistakes(fig4, given)
 
 
+@pytest.mark.long
 def test_a_box_s_certificates_of_another_plate_are_named(fig4: Scenario, tmp_path: Path) -> None:
     """The rig's vehicles would discard what it sends."""
     boxes = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)

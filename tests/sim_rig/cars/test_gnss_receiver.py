@@ -80,6 +80,7 @@ def test_errors_agree_with_the_settings_and_the_reported_sigma() -> None:
     assert np.std([a(float, fix.altitude_m) for fix in found]) == pytest.approx(1.46, rel=0.2)
 
 
+@pytest.mark.long
 def test_the_bias_wanders_and_the_noise_does_not() -> None:
     east = errors_m(fixes(receiver(bias_time_s=5.0, noise_sigma_m=0.0), 400.0))[:, 0]
 

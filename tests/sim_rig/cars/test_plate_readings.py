@@ -67,6 +67,7 @@ def test_a_misread_character_lasts_for_seconds() -> None:
     assert 0.06 < np.mean(lasting) < 0.3  # 1 in 34 by chance
 
 
+@pytest.mark.long
 def test_frames_together_tell_more_than_one() -> None:
     alone, together = [], []
     for seed in range(100):

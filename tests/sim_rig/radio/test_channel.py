@@ -212,6 +212,7 @@ def test_every_frame_ends_once_and_no_station_receives_two_at_once() -> None:
         assert all(later[0] >= sooner[1] - 1e-9 for sooner, later in pairs)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_to_the_bit_and_another_does_not() -> None:
     def delivered(seed: int) -> list[tuple[int, float, bytes]]:
         found = receptions(busy_road(seed, nakagami_m=2.0))

@@ -142,6 +142,7 @@ def delivered(
     return [float(np.mean(each)) for each in got]
 
 
+@pytest.mark.long
 def test_on_a_road_delivery_is_near_that_of_the_published_model() -> None:
     ours = delivered(PUBLISHED, 0.1, 1600.0, list(PUBLISHED_PDR))
 

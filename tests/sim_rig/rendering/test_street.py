@@ -45,6 +45,7 @@ def test_boxes_have_a_size_and_stand_before_the_camera() -> None:
                 assert vehicle.end_px[0] < vehicle.end_px[1]
 
 
+@pytest.mark.long
 def test_night_is_darker_than_day() -> None:
     day, night = (
         np.median([street.image.mean() for street in _streets(8, light=light)])

@@ -53,6 +53,7 @@ def test_a_dense_crossing_has_a_hundred_cars_and_one_road_stands() -> None:
     assert (north_south < 0.5).mean() > 0.3
 
 
+@pytest.mark.long
 def test_fast_cars_on_a_highway_change_over_to_pass() -> None:
     traffic = highway(HighwaySettings(arrivals_per_s=0.3), np.random.default_rng(4))
     drives = record(traffic, 60.0, begin_s=30.0).drives

@@ -25,6 +25,7 @@ def scenario() -> Scenario:
     return load_scenario("power-cut")
 
 
+@pytest.mark.long
 def test_a_car_without_power_is_silent_and_starts_without_memory(
     scenario: Scenario, tmp_path: Path
 ) -> None:

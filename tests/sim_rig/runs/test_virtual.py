@@ -19,7 +19,7 @@ from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.scenario.schema import Scenario, load_scenario
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 
-SHORT = {"ar-tags", "bridge", "collision", "fig4", "late-join", "left-turn", "shared-detection"}
+SHORT = {"ar-tags", "bridge", "collision", "late-join"}
 """Scenarios of the gate, one of each kind; the others are long tests."""
 
 

@@ -89,6 +89,7 @@ def test_a_standing_car_is_warned_of_by_radar_and_the_run_is_the_same_every_time
     assert row == STUDY.one(settings, 0)
 
 
+@pytest.mark.long
 def test_without_a_sensor_only_the_other_cars_messages_tell_of_it() -> None:
     """Both at 20 km/h, where drivers could stop in a few metres."""
     heard = ProceduresSettings(procedures=(ProcedureName.CCCSCP,), profiles=("bsm",))

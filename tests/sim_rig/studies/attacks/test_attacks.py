@@ -125,6 +125,7 @@ def test_an_insider_alarms_by_cpms_three_times_at_most_and_without_checks_for_ev
     assert (checked.true_missed, unchecked.true_missed) == (0, 0)
 
 
+@pytest.mark.long
 def test_a_red_light_that_a_vehicle_shows_is_none() -> None:
     counts = run_host(AttackKind.SIGNALS, (1,), 20.0, insiders=1, checks=True)
 

@@ -61,6 +61,7 @@ def test_what_is_beyond_the_junction_counts_for_a_while() -> None:
     assert p_c(MERGED_M + 1.0) == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_every_crash_on_merging_paths_reaches_100_percent_and_others_do_not(behaviour: str) -> None:
     traffic = TrafficSettings(approaches=150, start_m=(60.0, 110.0))

@@ -37,6 +37,7 @@ def test_flooding_takes_one_message_from_each_car() -> None:
     assert row.warn_messages < row.flooding_messages
 
 
+@pytest.mark.long
 def test_the_table_is_written(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(
@@ -116,6 +117,7 @@ def test_a_car_without_a_radio_is_never_known() -> None:
     assert not any(row.wrongly_known for row in rows)
 
 
+@pytest.mark.long
 def test_over_the_channel_inquiries_are_answered_too() -> None:
     settings = with_sight("recommended").model_copy(
         update={"csma": CsmaSettings(), "background_traffic": 10}
@@ -126,6 +128,7 @@ def test_over_the_channel_inquiries_are_answered_too() -> None:
     assert row == STUDY.one(settings, 0)
 
 
+@pytest.mark.long
 def test_cautions_pass_over_cars_without_a_radio() -> None:
     """The ceiling: nobody's group reaches over them."""
     given = {"cars": (10,), "sights": ("unlimited",), "shares": (0.0, 0.4), "runs": 3}

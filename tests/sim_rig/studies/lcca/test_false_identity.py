@@ -3,6 +3,8 @@
 import csv
 from pathlib import Path
 
+import pytest
+
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
 from sim_rig.studies.lcca.false_identity_study import STUDY, FalseIdentitySettings, Insider
@@ -28,6 +30,7 @@ def test_a_run_is_the_same_every_time() -> None:
     assert STUDY.one(SMALL, 0) == STUDY.one(SMALL, 0)
 
 
+@pytest.mark.long
 def test_the_table_is_written(tmp_path: Path) -> None:
     given = {"runs": 1, "vehicles": 20, "seconds": 2.0, "radios": [0.5], "fleet": 5}
 

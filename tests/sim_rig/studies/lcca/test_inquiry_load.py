@@ -32,6 +32,7 @@ def test_inquiries_that_nobody_answers_become_rare() -> None:
     assert first.busy_ratio > rest.busy_ratio
 
 
+@pytest.mark.long
 def test_the_table_has_a_line_for_each_case_and_time(tmp_path: Path) -> None:
     summary = STUDY.write(tmp_path, FEW, Workers())
 

@@ -4,6 +4,8 @@ import csv
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import pytest
+
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
@@ -111,6 +113,7 @@ def test_a_step_counts_what_it_says() -> None:
     assert {line["avoidable"] for line in lines} == {0.25}
 
 
+@pytest.mark.long
 def test_the_ablation_is_written(tmp_path: Path) -> None:
     """The first of two cars brakes."""
     trace = write_lane(tmp_path / "lane.csv", 2)

@@ -102,6 +102,7 @@ def test_table_1_with_a_users_setting_keeps_its_other_settings(tmp_path: Path) -
     assert len((tmp_path / "out/runs/runs.jsonl").read_text().splitlines()) == 1
 
 
+@pytest.mark.long
 def test_table_1_reuses_no_measurement(tmp_path: Path) -> None:
     jam = {"scene": trace_of_a_jam(tmp_path), "begin_s": (2.0, 4.0), "shares": (0.4,)}
     changes = jam | {"methods": (Selection.MVS,)}

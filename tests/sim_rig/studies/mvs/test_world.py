@@ -100,6 +100,7 @@ class Doubled:
         return call
 
 
+@pytest.mark.long
 def test_a_core_computes_the_same_from_decoded_footers_and_from_bytes() -> None:
     road = SixLaneRoad(4, 25.0, 2.0, 1.0, np.random.default_rng(1))
     world = MvsWorld(road, set(road.names[::3]), WorldSettings(loss=0.2), SETTINGS, seed=1)

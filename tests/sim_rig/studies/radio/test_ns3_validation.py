@@ -65,6 +65,7 @@ def test_one_command_writes_table_figure_and_settings(tmp_path: Path) -> None:
     assert "nakagami:3" in (tmp_path / "radio" / "settings.yaml").read_text()
 
 
+@pytest.mark.long
 def test_without_receptions_no_delay_is_stated(tmp_path: Path) -> None:
     code, output = study("--cars=2", "--spacing-m=1000", "--seeds=1", "--seconds=1.2", out=tmp_path)
 
@@ -97,6 +98,7 @@ def test_an_invalid_setting_is_an_error(tmp_path: Path, words: list[str], messag
     assert message in output
 
 
+@pytest.mark.long
 def test_a_setting_may_be_joined_to_its_name(tmp_path: Path) -> None:
     code, output = study("--cars=3", "--seeds=1", "--seconds=1.2", "--workers", "1", out=tmp_path)
 
@@ -119,6 +121,7 @@ def test_what_waits_too_long_is_given_up_and_counts_as_sent() -> None:
     assert line.delay_mean_us == pytest.approx(409e3, rel=0.15)
 
 
+@pytest.mark.long
 def test_other_settings_may_follow_in_the_same_folder(tmp_path: Path) -> None:
     for cars in (3, 4):
         settings = RadioSettings(cars=cars, seeds=1, seconds=1.5)

@@ -83,6 +83,7 @@ def test_a_single_run_gives_the_result_that_it_gives_in_a_campaign() -> None:
     assert all(row.perfect_radio <= row.without_radio for row in rows)
 
 
+@pytest.mark.long
 def test_one_command_writes_table_and_figure(tmp_path: Path) -> None:
     given = {"drops": 6, "intervals_s": [0.1, 0.6], "background_traffic": [0]}
 

@@ -88,6 +88,7 @@ def test_with_equal_decelerations_the_tolerable_lag_is_the_headway() -> None:
     assert some.lag_s[..., 1:] == pytest.approx(gap_m / settings.speed_m_s)
 
 
+@pytest.mark.long
 def test_the_crash_probability_is_the_share_of_drivers_without_radio_that_collide() -> None:
     """The probability integrates over decelerations; the drops draw them."""
     settings = RakhshanHighwaySettings()
@@ -192,6 +193,7 @@ def test_figure_11_is_low_near_the_papers_optimum(tmp_path: Path) -> None:
     assert settings["highway"]["threshold_db"] == 11.0
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_table(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         write("rakhshan-figure11", tmp_path / folder, SMALL)
@@ -230,6 +232,7 @@ def test_the_fit_recovers_the_population(tmp_path: Path) -> None:
     assert fitted["sigma_squared"] == pytest.approx(0.25**2, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_slow_drivers_estimate_moves_away_from_the_population(tmp_path: Path) -> None:
     write("rakhshan-figure7", tmp_path, DriversSettings(drivers=100))
 

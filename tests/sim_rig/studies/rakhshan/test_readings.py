@@ -191,6 +191,7 @@ def test_what_agrees_with_the_paper(
     assert (has_papers_optimum(row), has_papers_reduction(row)) == (optimum, reduction)
 
 
+@pytest.mark.long
 def test_one_command_writes_readings_repeated_ones_and_a_figure(tmp_path: Path) -> None:
     given = FEW.model_dump(mode="json")
 
