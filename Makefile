@@ -5,7 +5,7 @@ PYTEST := $(PYTHON) -m pytest -n 2 --dist worksteal --durations=15 --durations-m
 help: ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1|\2/p' $(MAKEFILE_LIST) | sort | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
 
-.PHONY: help demo test test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
+.PHONY: help demo test bytecode test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
 # Needs the rig only; where everything is set up for development, that serves as well.
 demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready) ## the main jobs: four cars, a replay, a platoon, shared sensing
@@ -21,8 +21,7 @@ test: .venv/ready system-packages ## the gate: style, types, short tests
 	@$(MAKE) --no-print-directory --jobs 2 lint bytecode
 	$(PYTEST) -m "not long and not live and not browser"
 
-.PHONY: bytecode
-bytecode: .venv/ready
+bytecode: .venv/ready ## the tests, compiled
 	@$(PYTHON) -m pytest -qq --collect-only --ignore=tests/browser > /dev/null || true
 
 # Whole drives, studies, rendered images, and searches of many examples.

@@ -43,6 +43,11 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_drive(tmp_path_factory.mktemp("drive"))
 
 
+@pytest.fixture(scope="module")
+def signed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_drive(tmp_path_factory.mktemp("signed"), signed=True)
+
+
 def test_the_replay_of_a_drive_with_a_warning_equals_the_recording(drive: Path) -> None:
     comparison = compare(RecordedDrive([drive]))
 
@@ -53,9 +58,9 @@ def test_the_replay_of_a_drive_with_a_warning_equals_the_recording(drive: Path) 
     assert comparison.until_s > 3.9
 
 
-def test_the_replay_of_a_signed_drive_needs_no_private_keys(tmp_path: Path) -> None:
+def test_the_replay_of_a_signed_drive_needs_no_private_keys(signed: Path) -> None:
     """Sent messages are compared without signature; received signatures are verified again."""
-    recording = RecordedDrive([record_drive(tmp_path, signed=True)])
+    recording = RecordedDrive([signed])
 
     received = [entry.record for entry in recording.entries() if entry.topic == "/out/received"]
     assert all(record["signer_id"] for record in received)
@@ -63,8 +68,8 @@ def test_the_replay_of_a_signed_drive_needs_no_private_keys(tmp_path: Path) -> N
     assert compare(recording).difference is None
 
 
-def test_revocation_lists_are_part_of_the_initial_state(tmp_path: Path) -> None:
-    header = RecordedDrive([record_drive(tmp_path, signed=True)]).header
+def test_revocation_lists_are_part_of_the_initial_state(signed: Path) -> None:
+    header = RecordedDrive([signed]).header
     initial = initial_state_of(header)
     assert initial.credentials is not None
     with_list = replace(initial, credentials=replace(initial.credentials, crls=(b"list",)))
@@ -233,8 +238,7 @@ def test_a_changed_last_digit_is_reported_and_no_difference_of_decisions(
     )
 
 
-def test_a_changed_signed_message_is_a_difference(tmp_path: Path) -> None:
-    signed = record_drive(tmp_path / "signed", signed=True)
+def test_a_changed_signed_message_is_a_difference(signed: Path, tmp_path: Path) -> None:
     sent = next(
         e.record["data"] for e in RecordedDrive([signed]).entries() if e.topic == "/out/wsm"
     )
