@@ -157,6 +157,7 @@ def hijacked(keys: Mapping[str, Credentials], insider: Insider) -> Platoon:
     return platoon
 
 
+@pytest.mark.long
 def test_an_insider_who_answers_first_in_a_new_epoch_is_not_taken_for_the_lead() -> None:
     platoon = hijacked({plate: credentials_of(plate, 30.0) for plate in PLATES}, Insider(30.0))
 

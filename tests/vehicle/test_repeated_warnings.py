@@ -191,6 +191,7 @@ def test_a_true_braking_elsewhere_is_charged_to_whoever_passes_it_on() -> None:
     assert len(list(platoon.events_of("CCC3", "warning"))) == MOST_ALARMS + 1
 
 
+@pytest.mark.long
 def test_who_passes_on_what_is_elsewhere_silences_no_other_forwarder() -> None:
     """The leader changes, so that its braking is stated for another group than the follower's."""
     platoon = driven(beacons=False)

@@ -123,6 +123,7 @@ def test_a_stream_that_changes_its_resolution_for_good_keeps_the_lead(drive: Dri
     assert_identity_kept(observe_images(images))
 
 
+@pytest.mark.long
 def test_a_stream_that_alternates_its_resolution_has_no_closing_speed(drive: Drive) -> None:
     """Slightly larger: the change of scale of a rear from one frame to the next."""
     sizes = [(640, 360), (576, 324)]

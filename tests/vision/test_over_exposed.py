@@ -38,6 +38,7 @@ def test_a_camera_is_discarded_as_over_exposed_after_a_while_and_not_in_a_moment
     assert check.check(road(1001, 0.8)).fault is None
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_with_vehicles_that_too_much_light_hides_no_lane_is_reported_free(rig_data: Path) -> None:
     """On a dense motorway, with four times the light: 239 of 260 frames were a free lane."""

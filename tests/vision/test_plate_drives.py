@@ -69,6 +69,7 @@ def test_the_first_closing_speeds_are_within_their_sigmas(closing_m_s: float) ->
         assert abs(a(float, lead.closing_speed_m_s) - closing_m_s) < 3 * sigma_m_s
 
 
+@pytest.mark.long
 def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
     scene, sigmas_m = Scene((SceneCar(28.0, plate=OURS, plate_format=FORMATS["br"]),)), []
     for width_m in (None, 0.4):
@@ -150,6 +151,7 @@ def test_a_tag_and_a_plate_on_one_vehicle_are_one_track() -> None:
     assert len({car.track_id for car in observed.cars}) == 1
 
 
+@pytest.mark.long
 def test_a_second_plate_on_a_vehicle_does_not_change_its_identity() -> None:
     """A load of a transporter, or a plate in the window, from the second second on."""
     drive = frames(lambda _: Scene((SceneCar(8.0, plate=OURS),)), 2.5, camera=CAMERA)

@@ -116,6 +116,7 @@ def test_a_lead_that_vanishes_is_dropped_in_time() -> None:
     assert all(lead.gap_m is None for lead in observed.leads if lead.stamp_s > gone_at)
 
 
+@pytest.mark.long
 def test_the_closing_speed_of_a_lead_without_a_plate_is_not_of_the_road_around_it() -> None:
     def scene(stamp_s: float) -> Scene:
         car = SceneCar(55.0 - 4.0 * stamp_s, colour_bgr=(40, 40, 170))

@@ -18,6 +18,7 @@ from training.vehicle_scenes import (
 )
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_scenes() -> None:
     one, other = (render_vehicle_scenes(2, np.random.default_rng(4)) for _ in range(2))
     assert np.array_equal(one[0], other[0])
