@@ -1,9 +1,9 @@
 """Limits the TCP connections of the page server, so that idle ones do not exhaust file descriptors.
 
-It sits between the network and the web server. A connection without data for `SILENT_S` is closed.
-Above `MOST_CONNECTIONS`, the oldest connection without an accepted request is closed, which may be
-the newest. A page sends its request at once and then confirms views, so it is never closed, and
-nobody without the token keeps it out.
+It sits between the network and the web server. A connection is closed whose client sends nothing
+for `SILENT_S`, and takes nothing of what waits for it. Above `MOST_CONNECTIONS`, the oldest
+connection without an accepted request is closed, which may be the newest. A page sends its request
+at once and then confirms views, so it is never closed, and nobody without the token keeps it out.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from typing_extensions import override
 MOST_CONNECTIONS = 128
 """One web socket for each of 64 pages, and as many for pages that are being loaded."""
 SILENT_S = 15.0
-"""Longest time without data; a page confirms several views each second."""
+"""Longest time without data either way; a page confirms several views each second."""
 
 Factory = Callable[[], asyncio.Protocol]
 
@@ -89,13 +89,12 @@ class _LimitedConnection(asyncio.Protocol):
 
     transport: asyncio.Transport
     data_at: float
-    """When data was last received, on the loop's clock."""
+    """When the client last sent data, or took some that waited, on the loop's clock."""
 
     def __init__(self, server: asyncio.Protocol, limiter: ConnectionLimiter) -> None:
         self._server = server
         self._limiter = limiter
         self.pause_writing = server.pause_writing  # type: ignore[method-assign]
-        self.resume_writing = server.resume_writing  # type: ignore[method-assign]
         self.eof_received = server.eof_received  # type: ignore[method-assign]
 
     @override
@@ -108,9 +107,17 @@ class _LimitedConnection(asyncio.Protocol):
 
     @override
     def data_received(self, data: bytes) -> None:
+        self._note_data()
+        self._server.data_received(data)
+
+    @override
+    def resume_writing(self) -> None:
+        self._note_data()
+        self._server.resume_writing()
+
+    def _note_data(self) -> None:
         self.data_at = asyncio.get_running_loop().time()
         self._limiter.note_data(self)
-        self._server.data_received(data)
 
     @override
     def connection_lost(self, exc: Exception | None) -> None:

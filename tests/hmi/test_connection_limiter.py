@@ -28,6 +28,32 @@ class Echo(asyncio.Protocol):
         Echo.lost += 1
 
 
+class Download(asyncio.Protocol):
+    """A server that sends, without a request, as fast as its client takes it."""
+
+    def __init__(self, size: int) -> None:
+        self.left = size
+
+    @override
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        self.is_paused = False
+        self.resume_writing()
+
+    @override
+    def pause_writing(self) -> None:
+        self.is_paused = True
+
+    @override
+    def resume_writing(self) -> None:
+        self.is_paused = False
+        while self.left and not self.is_paused:
+            chunk = bytes(min(self.left, 1 << 18))
+            self.left -= len(chunk)
+            self.transport.write(chunk)
+
+
 async def end_of(reader: asyncio.StreamReader) -> bytes:
     try:
         return await reader.read()
@@ -58,6 +84,26 @@ def test_a_connection_without_data_is_closed(monkeypatch: pytest.MonkeyPatch) ->
             limiter.close()
 
     asyncio.run(asyncio.wait_for(connect(), 20.0))
+
+
+def test_a_download_that_is_slow_is_not_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection_limiter, "SILENT_S", 0.3)
+    size = 32 << 20  # more than the sockets buffer
+
+    async def connect() -> None:
+        limiter = ConnectionLimiter(lambda: Download(size))
+        server = await asyncio.get_running_loop().create_server(limiter, "127.0.0.1", 0)
+        async with server:
+            reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+            received = 0
+            while data := await reader.read(1 << 19):
+                received += len(data)
+                await asyncio.sleep(0.01)
+            assert received == size
+            writer.close()
+            limiter.close()
+
+    asyncio.run(asyncio.wait_for(connect(), 30.0))
 
 
 def test_above_the_limit_the_oldest_connection_without_an_accepted_request_is_closed(
