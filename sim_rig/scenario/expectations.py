@@ -4,9 +4,9 @@ The `check` of an entry yields one sentence for each deviation.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from typing_extensions import override
 
 from onboard.observations import Sensor
@@ -78,6 +78,12 @@ class WarningExpected(Expected):
     not_warned: tuple[CarName, ...] = ()
     discarded: Mapping[CarName, str] = {}
     """For each car that discards the warning: the reason."""
+
+    @model_validator(mode="after")
+    def _has_a_car(self) -> Self:
+        if not (self.within_s or self.not_warned or self.discarded):
+            raise ValueError("needs within_s, not_warned or discarded: without, it never fails")
+        return self
 
     @override
     def cars_used(self) -> Iterator[str]:
@@ -170,7 +176,22 @@ class SensorExpected(Expected):
             )
 
 
-class CountExpected(Expected):
+class CountedExpected(Expected):
+    """How often something happens in an interval."""
+
+    from_s: Seconds
+    until_s: Seconds
+    at_least: int = Field(default=0, ge=0)
+    at_most: int | None = Field(default=None, ge=0)
+
+    @model_validator(mode="after")
+    def _has_a_limit(self) -> Self:
+        if self.at_least == 0 and self.at_most is None:
+            raise ValueError("needs at_least above 0, or at_most: without, it never fails")
+        return self
+
+
+class CountExpected(CountedExpected):
     """Number of records in the traces of some cars together."""
 
     what: Literal["sent", "received", "discarded"]
@@ -179,10 +200,6 @@ class CountExpected(Expected):
     """The type of message, for `sent` and `received`."""
     reason: str | None = None
     """For `discarded`."""
-    from_s: Seconds
-    until_s: Seconds
-    at_least: int = Field(default=0, ge=0)
-    at_most: int | None = Field(default=None, ge=0)
 
     @override
     def cars_used(self) -> Iterator[str]:
@@ -209,7 +226,7 @@ class CountExpected(Expected):
             yield f"{what}: {count} times by {', '.join(self.cars)}, at most {self.at_most}"
 
 
-class DeliveredExpected(Expected):
+class DeliveredExpected(CountedExpected):
     """Number of frames that the rig delivers from one car to another."""
 
     what: Literal["delivered"]
@@ -218,10 +235,6 @@ class DeliveredExpected(Expected):
     """The receiver."""
     user_priority: int | None = Field(default=None, ge=0, le=7)
     """Count only this user priority; BSMs have 5, or 7 with an event flag."""
-    from_s: Seconds
-    until_s: Seconds
-    at_least: int = Field(default=0, ge=0)
-    at_most: int | None = Field(default=None, ge=0)
 
     @override
     def cars_used(self) -> Iterator[str]:

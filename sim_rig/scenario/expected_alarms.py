@@ -5,9 +5,9 @@ may refer to cars that are not equipped.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 from typing_extensions import override
 
 from onboard.risk.alarm import Cause, Level
@@ -36,7 +36,14 @@ class AlarmExpected(Expected):
     from_s: Seconds
     by_s: Seconds
     least_lead_s: float | None = Field(default=None, gt=0.0, le=60.0)
-    """Least time from the alarm to the contact of the two cars; neither brakes for the alarm."""
+    """Least time from the alarm to the contact of the two cars; neither brakes for the alarm. Needs
+    `of`."""
+
+    @model_validator(mode="after")
+    def _touches_a_car(self) -> Self:
+        if self.least_lead_s is not None and self.of is None:
+            raise ValueError("least_lead_s needs of: the car that is touched")
+        return self
 
     @override
     def cars_used(self) -> Iterator[str]:

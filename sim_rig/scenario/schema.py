@@ -336,10 +336,30 @@ def _mistakes(scenario: Scenario) -> Iterator[str]:
         yield "radio.neighbours: signal and pedestrians need reach_m instead"
     if scenario.traffic is not None and not scenario.background_traffic:
         yield "traffic: drives background_traffic (given 0); allowed: 1 to 200"
+    yield from _mistakes_of_expectations(scenario)
     yield from _mistakes_of_faults(scenario)
     has_attack = any(isinstance(fault, Attack) for fault in scenario.faults)
     if scenario.profile is RadioProfile.ITS_G5 and has_attack:
         yield "faults: attackers send WSMs (given profile its-g5); allowed: wave"
+
+
+def _mistakes_of_expectations(scenario: Scenario) -> Iterator[str]:
+    """Yield intervals in which nothing can happen: what must not happen there never fails."""
+    for index, entry in enumerate(scenario.expect):
+        given = entry.model_dump(include={"from_s", "by_s", "until_s"}, exclude_none=True)
+        times = sorted(given.items(), key=lambda item: _ORDER.index(item[0]))
+        for (first, first_s), (second, second_s) in pairwise(times):
+            if second_s <= first_s:
+                yield f"expect.{index}.{second}: must be after {first} (given {second_s:g})"
+        if times and times[0][1] >= scenario.duration_s:
+            yield (
+                f"expect.{index}.{times[0][0]}: must be before the end of the scenario, duration_s"
+                f" = {scenario.duration_s:g} (given {times[0][1]:g})"
+            )
+
+
+_ORDER = ("from_s", "by_s", "until_s")
+"""Of the times of an expectation."""
 
 
 def _mistakes_of_faults(scenario: Scenario) -> Iterator[str]:

@@ -74,6 +74,12 @@ def test_a_constant_stands_for_one_breakpoint(tmp_path: Path) -> None:
             "faults.0.what: Input should be one of ",
         ),
         ("duration_s: 10", "duration_s: .inf", "duration_s:"),
+        ("by_s: 5,", "by_s: 5, until_s: 4,", "expect.0.until_s: must be after by_s (given 4)"),
+        (
+            "by_s: 5,",
+            "by_s: 10,",
+            "expect.0.by_s: must be before the end of the scenario, duration_s = 10 (given 10)",
+        ),
         ("tag_id: 7,", "tag_id: 7, road: lane,", "cars.red.road: no such road (given 'lane')"),
         (
             "cars:",
@@ -96,6 +102,27 @@ def test_a_mistake_names_file_field_and_value(
 
     assert message in str(error.value)
     assert str(error.value).startswith(f"{tmp_path / 'scenario.yaml'}: ")
+
+
+@pytest.mark.parametrize(
+    ("entry", "remedy"),
+    [
+        ("what: sent, cars: [red], from_s: 0, until_s: 9", "needs at_least above 0, or at_most"),
+        ("what: delivered, sender: red, car: green, from_s: 0, until_s: 9", "needs at_least above"),
+        ("what: warning, braking: green, at_s: [5]", "needs within_s, not_warned or discarded"),
+        (
+            "what: alarm, car: red, cause: fcw, from_s: 0, by_s: 9, least_lead_s: 3",
+            "least_lead_s needs of",
+        ),
+    ],
+)
+def test_an_expectation_that_never_fails_is_refused(
+    tmp_path: Path, entry: str, remedy: str
+) -> None:
+    expected = f"expect:\n  - {{{entry}}}\n"
+
+    with pytest.raises(SettingsError, match=f"expect.0: {remedy}"):
+        load(tmp_path, GOOD.partition("expect:")[0] + expected)
 
 
 def test_an_unknown_name_lists_all_scenarios() -> None:
