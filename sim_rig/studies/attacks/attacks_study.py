@@ -161,7 +161,7 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         true_alarms=sum(row.true_alarms for row in runs),
         true_missed=sum(row.true_missed for row in runs),
         least_notice_s=min(
-            (row.least_notice_s for row in runs if row.least_notice_s), default=None
+            (row.least_notice_s for row in runs if row.least_notice_s is not None), default=None
         ),
         honest_ignored=sum(row.honest_ignored for row in runs),
         answers_per_s=max(row.answers_per_s for row in runs),

@@ -1,10 +1,12 @@
 """The study of attacks: insiders cost three false alarms at most, and true ones are heard."""
 
 import csv
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
+from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     IMPOSTURES,
@@ -12,7 +14,7 @@ from sim_rig.studies.attacks.attacks import (
     AttackKind,
     run_host,
 )
-from sim_rig.studies.attacks.attacks_study import STUDY, AttacksSettings
+from sim_rig.studies.attacks.attacks_study import STUDY, AttackRow, AttacksSettings
 from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
 from sim_rig.studies.attacks.certificate_flood import (
     LEARNS_S,
@@ -213,3 +215,15 @@ def test_a_denm_that_the_certificate_does_not_permit_alarms_nobody() -> None:
     assert checked.false_alarms == 0
     assert unchecked.false_alarms > 0
     assert (checked.true_missed, unchecked.true_missed) == (0, 0)
+
+
+def test_the_worst_notice_of_several_runs_may_be_none_at_all() -> None:
+    notices_s = (1.5, 0.0, None)
+    rows = [
+        AttackRow(AttackKind.BSM, 1, True, 60.0, **asdict(AttackCounts(0, 0.0, 0, 1, 0, each)))
+        for each in notices_s
+    ]
+
+    (line,) = STUDY.table(AttacksSettings(runs=len(rows)), rows)
+
+    assert line.least_notice_s == 0.0
