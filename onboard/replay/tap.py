@@ -21,12 +21,11 @@ from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
 from onboard.wave_udp.wsmp import WaveShortMessage
 
-POSITION_KINDS = frozenset({"position", "perceived_object"})
-"""Kinds of events that hold a position."""
-
-
-_WITH_POSITION = frozenset({psid.BSM, psid.SENSOR_SHARING})
-"""Services of WSMs; every GeoNetworking packet has the position of its sender."""
+POSITION_KINDS = frozenset({"position", "perceived_object", "signal_ahead"})
+"""Kinds of events that hold a position, or name a crossing."""
+_WITH_POSITION = psid.J2735
+"""Services of WSMs that tell where the vehicle is; every GeoNetworking packet has the position of
+its sender."""
 
 
 class Tap:

@@ -1,17 +1,28 @@
-"""What a step sends is on the air before it is recorded."""
+"""What is recorded of a step, and when: what it sends is on the air before it is recorded."""
 
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from unittest.mock import create_autospec
 
 import numpy as np
+import pytest
 
+from onboard.intersections.intersections import SignalAhead
 from onboard.observations import Sensor, Speed
 from onboard.recorder.header import RecordingHeader
+from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage
 from onboard.recorder.settings import RecorderSettings
 from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
+from onboard.replay.tap import Tap
 from onboard.settings import parse_settings
-from onboard.step import SentWsm
+from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
+from onboard.trace.trace_line import Event
+from onboard.vehicle.stack import Stack
+from onboard.wave_udp import psid, wsmp
+from onboard.wave_udp.wsmp import WaveShortMessage
 from tests.recorder.drive import AHEAD, START_S, START_UTC_S, config
 
 
@@ -51,3 +62,38 @@ def test_a_message_is_sent_before_it_is_recorded_and_after_what_led_to_it(tmp_pa
     assert [each for each in order.seen if each in ("/in/speed", "sent", "/out/wsm")] == [
         "/in/speed", "sent", "/out/wsm",
     ]  # fmt: skip
+
+
+def recorded_without_positions(inputs: Sequence[Input], events: list[Event]) -> list[str]:
+    """Record one step of cores that put out `events`, and return the topics."""
+    stack = create_autospec(Stack)
+
+    def step(given: Iterable[Input], *_: object) -> StepOutputs:
+        assert list(given) == inputs
+        return StepOutputs([], [], events, math.inf)
+
+    stack.step.side_effect = step
+    recorded: list[RecordedMessage] = []
+    aliases = Aliases(in_clear=True)
+    tap = Tap(stack, recorded.append, aliases, (START_S, START_UTC_S), positions=False)
+    tap.step(inputs, START_S)
+    return [each.topic for each in recorded]
+
+
+@pytest.mark.parametrize(
+    ("service", "topics"),
+    [(psid.LCCA, ["/in/wsm", "/in/step"])] + [(each, ["/in/step"]) for each in sorted(psid.J2735)],
+)
+def test_without_positions_no_message_with_a_place_is_recorded(
+    service: int, topics: list[str]
+) -> None:
+    """A MAP, or a pedestrian's PSM, tells where the vehicle is as well as a BSM does."""
+    wsm = wsmp.encode(WaveShortMessage(service, b"\x03\x80\x00"))
+
+    assert recorded_without_positions([ReceivedWsm(START_S, wsm)], []) == topics
+
+
+def test_without_positions_no_crossing_is_recorded() -> None:
+    ahead = SignalAhead(START_S, intersection=12109, lane_id=1, distance_m=40.0)
+
+    assert recorded_without_positions([], [ahead]) == ["/in/step"]
