@@ -8,7 +8,7 @@
 
 All requests are functional: every ECU may respond, and the next one does if the first fails. An
 unanswered request is not repeated; the next one is sent when it is due. "Response pending" delays
-it until the response, positive or negative, for P2* at most.
+it until the response, positive or negative, for P2* at most each time that an ECU says so.
 """
 
 from dataclasses import dataclass

@@ -49,7 +49,7 @@ class BroadcastSettings(Settings):
     brake_pedal: str | None = None
     """Signal of the brake pedal; any value but 0 is pressed."""
     turn_signal_left: str | None = None
-    """Signal of the left turn signal: its lever or its lamp; any value but 0 is on."""
+    """Signal of the left turn signal: its lever or its lamp; on as `abs` is."""
     turn_signal_right: str | None = None
     """The same of the right one."""
     yaw_rate: str | None = None
@@ -65,8 +65,9 @@ class BroadcastSettings(Settings):
     angle_unit: Literal["deg", "rad"] | None = None
     """Unit of angle and yaw rate (a second), if the DBC file has none or an unknown one."""
     abs: str | None = None
-    """Signal of active ABS. Of this and the next three, a signal of two bits is on with 1 only (SAE
-    J1939-71: 2 is an error, 3 not available), any other one with all values but 0."""
+    """Signal of active ABS. Of this, the next three and the turn signals, a signal of two bits is
+    on with 1 only (SAE J1939-71: 2 is an error, 3 not available), any other one with all values but
+    0."""
     stability_control: str | None = None
     """Signal of active stability control."""
     airbag: str | None = None
