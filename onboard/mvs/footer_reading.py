@@ -4,7 +4,7 @@ A footer of every neighbour arrives ten times a second. A valid one gives the va
 `mvs_footer.decode` gives; any other is left to that, which refuses it with its reason.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from operator import sub
@@ -27,6 +27,7 @@ from onboard.messages.mvs_footer import (
 from onboard.mvs.footer_coding import from_correlations
 from onboard.mvs.received_footers import SharedEntries
 from onboard.tracking.evidence import MeasurementId, ProvenanceSpans, measurement_id
+from onboard.tracking.slices import result_of
 
 _MEASUREMENTS = Columns(MEASUREMENT)
 _STATES = Columns(STATE)
@@ -72,8 +73,15 @@ def read(data: bytes) -> SharedEntries:
 
 def read_together(footers: Sequence[bytes]) -> list[SharedEntries | DecodeError]:
     """Decode each footer as `read` does, or return why it is refused."""
+    return result_of(read_in_slices(footers))
+
+
+def read_in_slices(
+    footers: Sequence[bytes],
+) -> Generator[None, None, list[SharedEntries | DecodeError]]:
+    """Do what `read_together` does in two slices."""
     parted = [_parted(data) for data in footers]
-    entries = _entries([footer for footer in parted if footer is not None])
+    entries = iter((yield from _entries([footer for footer in parted if footer is not None])))
     read_of = [None if footer is None else next(entries) for footer in parted]
     return [
         _refusal(data) if of_footer is None else of_footer
@@ -140,10 +148,12 @@ def _part_estimates(data: bytes, at: int, estimates: int) -> tuple[list[bytes], 
     return states, runs
 
 
-def _entries(footers: Sequence[_Footer]) -> Iterator[SharedEntries | None]:
-    """Yield the entries of each footer; `None` where a value is not valid."""
+def _entries(
+    footers: Sequence[_Footer],
+) -> Generator[None, None, list[SharedEntries | None]]:
+    """Return in two slices the entries of each footer; `None` where a value is not valid."""
     if not footers:
-        return
+        return []
     headers = [footer.header for footer in footers]
     measured = _MEASUREMENTS.read(b"".join([footer.measurements for footer in footers]))
     stated = _STATES.read(b"".join([state for footer in footers for state in footer.states]))
@@ -165,6 +175,7 @@ def _entries(footers: Sequence[_Footer]) -> Iterator[SharedEntries | None]:
     counts = np.add.reduceat(sizes, np.cumsum(runs) - runs) if len(runs) else runs
     run_in = entry_in.repeat(runs)
     identities, is_unknown = _identities(footers, run_in, observers, sizes, ages_ms)
+    yield
     ends = np.cumsum(counts).tolist()
     provenances = [frozenset(identities[start:end]) for start, end in pairwise([0, *ends])]
     is_repeated = np.array([len(each) for each in provenances], np.int64) != counts
@@ -178,11 +189,12 @@ def _entries(footers: Sequence[_Footer]) -> Iterator[SharedEntries | None]:
     order = entry_in.argsort(kind="stable")  # in each footer the measurements stay the first
     places = order.tolist()
     ends = np.cumsum(np.bincount(entry_in, minlength=len(footers))).tolist()
+    entries: list[SharedEntries | None] = []
     for footer, invalid, start, end in zip(
         footers, is_invalid.tolist(), [0, *ends], ends, strict=False
     ):
         rows = order[start:end]
-        yield (
+        entries.append(
             None
             if invalid
             else SharedEntries(
@@ -196,6 +208,7 @@ def _entries(footers: Sequence[_Footer]) -> Iterator[SharedEntries | None]:
                 has_speed=(rows >= n).astype(np.float64),
             )
         )
+    return entries
 
 
 def _runs(footers: Sequence[_Footer]) -> tuple[_Integers, _Integers, _Integers]:

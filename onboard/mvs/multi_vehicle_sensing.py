@@ -429,30 +429,41 @@ class MultiVehicleSensing(Core):
 
     def _process_in_slices(self, now: float) -> Generator[None, None, None]:
         """Assign what has arrived to tracks: detections first, then footers."""
-        waiting = len(self._waiting)
+        are_many = len(self._waiting) > FOOTERS_TOGETHER
         images, refused = self._detections.take(self.own_id, now, self._utc_ms)
         self._events.extend(refused)
+        if are_many:
+            yield
         for tracks in self._all_tracks:
             for image in images:
-                tracks.receive_evidence(image)
-        if waiting > FOOTERS_TOGETHER:
+                yield from tracks.receive_in_slices(image)
+        if are_many:
             yield
-        footers: list[ReceivedFooter] = []
-        """Of each entry that is used."""
-        batches: list[EvidenceBatch] = []
-        for first in range(0, waiting, FOOTERS_TOGETHER):
-            received, refused = self._waiting.take(min(FOOTERS_TOGETHER, waiting - first))
-            self._events.extend(refused)
-            if received:
-                batch, valid = self._validated(received)
-                batches.append(batch)
-                footers += valid
-            if waiting > FOOTERS_TOGETHER:
-                yield
+        reading = self._read_in_slices()
+        batches, footers = (yield from reading) if are_many else result_of(reading)
         if batches:
             batch = EvidenceBatch.concatenate(batches)
             left_over = yield from self._tracks.receive_in_slices(batch)
             self._discard_entries(Counter((footers[at], "too_many_cars") for at in left_over))
+
+    def _read_in_slices(
+        self,
+    ) -> Generator[None, None, tuple[list[EvidenceBatch], list[ReceivedFooter]]]:
+        """Return the entries of waiting footers that are used, and the footer of each."""
+        batches: list[EvidenceBatch] = []
+        footers: list[ReceivedFooter] = []
+        waiting = len(self._waiting)
+        for first in range(0, waiting, FOOTERS_TOGETHER):
+            together = min(FOOTERS_TOGETHER, waiting - first)
+            received, refused = yield from self._waiting.take_in_slices(together)
+            self._events.extend(refused)
+            yield
+            if received:
+                batch, valid = self._validated(received)
+                batches.append(batch)
+                footers += valid
+            yield
+        return batches, footers
 
     def _validated(
         self, received: Sequence[ReceivedFooter]

@@ -1,19 +1,20 @@
 """Footers that wait for the next update, in which they are read and assigned together."""
 
 from collections import deque
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 from onboard.errors import DecodeError
 from onboard.kinematics.arrays import Array
-from onboard.mvs.footer_reading import read_together
+from onboard.mvs.footer_reading import read_in_slices
 from onboard.mvs.footer_validation import MAX_ENTRIES
 from onboard.mvs.received_footers import ReceivedFooter, SharedEntries
 from onboard.observations import Discarded
 
 MAX_WAITING_FOOTERS = 256
 """With more, they are processed at once."""
-FOOTERS_TOGETHER = 8
-"""Footers that are read, checked and assigned in one slice of an update."""
+FOOTERS_TOGETHER = 10
+"""Footers that are read and checked together, in three slices of an update."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +56,13 @@ class WaitingFooters:
             replace(each, sender_m=turn @ each.sender_m + shift) for each in self._waiting
         )
 
-    def take(self, footers: int) -> tuple[list[ReceivedFooter], list[Discarded]]:
+    def take_in_slices(
+        self, footers: int
+    ) -> Generator[None, None, tuple[list[ReceivedFooter], list[Discarded]]]:
         """Take the first `footers`: those that have entries, and why others are refused."""
         taken = [self._waiting.popleft() for _ in range(footers)]
-        read = iter(read_together([each.data for each in taken if isinstance(each.data, bytes)]))
+        encoded = [each.data for each in taken if isinstance(each.data, bytes)]
+        read = iter((yield from read_in_slices(encoded)))
         received, refused = [], []
         for each in taken:
             entries = next(read) if isinstance(each.data, bytes) else each.data

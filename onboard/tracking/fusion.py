@@ -13,13 +13,15 @@ from onboard.kinematics.arrays import Array, StateArrays
 from onboard.tracking.evidence import UNKNOWN_SPEED_SIGMA_M_S, Estimate, Evidence, as_arrays
 from onboard.tracking.evidence_store import EvidenceStore, StoredEvidence
 from onboard.tracking.kalman import Steps, advance, predict
-from onboard.tracking.slices import result_of
+from onboard.tracking.slices import batches, result_of
 from onboard.tracking.track import Track
 
 _PIECES_AT_ONCE = 256
 """Pieces of evidence that are fused in one slice."""
 _TRACKS_AT_ONCE = 64
 """Tracks of which one slice looks for repeats."""
+_ESTIMATES_AT_ONCE = 32
+"""Estimates that are made in one slice."""
 _MAX_GROWTH = 1.2
 """Factor by which a variance may grow on the air: deviations are sent rounded up, by 1.2 % each."""
 
@@ -37,6 +39,14 @@ def fuse(evidence_of_vehicles: Sequence[Sequence[Evidence]], q: float) -> list[E
     pieces = [piece for evidence in evidence_of_vehicles for piece in evidence]
     counts = [len(evidence) for evidence in evidence_of_vehicles]
     return _as_estimates(evidence_of_vehicles, result_of(_filtered(as_arrays(pieces), counts, q)))
+
+
+def fuse_stored(
+    evidence_of_vehicles: Sequence[Sequence[StoredEvidence]], store: EvidenceStore, q: float
+) -> Generator[None, None, list[Estimate]]:
+    """Do what `fuse` does in slices, with evidence whose numbers are in `store`."""
+    fused = yield from _filtered_stored(evidence_of_vehicles, store, q)
+    return _as_estimates(evidence_of_vehicles, fused)
 
 
 def fuse_chosen(
@@ -61,18 +71,19 @@ def fuse_chosen(
             yield
     repeated = [at for at, pieces in enumerate(own) if pieces]
     choices = [track.chosen for track in changed] + [own[at] for at in repeated]
-    rows = [stored.row for choice in choices for stored in choice]
-    fused = yield from _filtered(store.at(rows), [len(choice) for choice in choices], q)
+    fused = yield from _filtered_stored(choices, store, q)
     yield
     variances = _variances(fused, now_ms, q)
     best = list(range(len(changed)))
     for other, at in enumerate(repeated, len(changed)):
         if (variances[:, at] > _MAX_GROWTH * variances[:, other]).any():
             changed[at].chosen, best[at] = own[at], other
-    estimates = _as_estimates([track.chosen for track in changed], fused[best])
-    for track, estimate in zip(changed, estimates, strict=True):
-        track.estimate = estimate
-    yield
+    for some in batches(list(zip(changed, best, strict=True)), _ESTIMATES_AT_ONCE):
+        rows = [row for _, row in some]
+        estimates = _as_estimates([track.chosen for track, _ in some], fused[rows])
+        for (track, _), estimate in zip(some, estimates, strict=True):
+            track.estimate = estimate
+        yield
 
 
 def propagate(estimates: Sequence[Estimate], now_ms: int, q: float) -> tuple[Array, Array]:
@@ -90,6 +101,14 @@ def propagate(estimates: Sequence[Estimate], now_ms: int, q: float) -> tuple[Arr
     states = np.array([estimate.state for estimate in estimates]).reshape(-1, 4).T
     covariances = np.array([estimate.covariance for estimate in estimates]).reshape(-1, 4, 4)
     return predict(states, covariances.transpose(1, 2, 0), dt_s, q)
+
+
+def _filtered_stored(
+    choices: Sequence[Sequence[StoredEvidence]], store: EvidenceStore, q: float
+) -> Generator[None, None, StateArrays]:
+    pieces = store.at([stored.row for choice in choices for stored in choice])
+    yield
+    return (yield from _filtered(pieces, [len(choice) for choice in choices], q))
 
 
 def _filtered(

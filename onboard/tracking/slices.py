@@ -1,8 +1,9 @@
 """Work in slices: a generator that yields where something more urgent may be done."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Sequence
 from typing import TypeVar
 
+ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
 
 
@@ -14,3 +15,9 @@ def result_of(slices: Generator[None, None, ResultT]) -> ResultT:
         except StopIteration as end:
             result: ResultT = end.value
             return result
+
+
+def batches(items: Sequence[ItemT], size: int) -> Iterator[Sequence[ItemT]]:
+    """Yield the items, `size` at a time and the rest."""
+    for first in range(0, len(items), size):
+        yield items[first : first + size]

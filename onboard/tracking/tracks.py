@@ -32,9 +32,9 @@ from onboard.tracking.evidence_store import (
     Label,
     StoredEvidence,
 )
-from onboard.tracking.fusion import fuse, fuse_chosen
+from onboard.tracking.fusion import fuse_chosen, fuse_stored
 from onboard.tracking.gates import GATE_PROBABILITY, are_inside, gates, with_speed_prior
-from onboard.tracking.slices import result_of
+from onboard.tracking.slices import batches, result_of
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
     choose_reported,
@@ -69,9 +69,17 @@ _BSM_PREDICTION_MS = 500
 _ENTRIES_AT_ONCE = 64
 """Entries that are compared with all tracks together: enough for arrays to pay, few enough to bound
 the work that a hostile sender causes."""
+_STARTS_AT_ONCE = 8
+"""Entries that are associated by position, or start tracks, in one slice."""
 
 TRACKS_AT_ONCE = 16
-"""Tracks whose evidence is chosen in one slice of an update."""
+"""With more tracks, an update is done in slices."""
+_CHOICES_AT_ONCE = 16
+"""Tracks whose evidence is chosen in one slice."""
+_VARIANCES_AT_ONCE = 32
+"""Tracks whose common variance is computed in one slice."""
+_ENDS_AT_ONCE = 64
+"""Tracks of which one slice drops or settles what is old."""
 
 _ReportId = tuple[bytes, int]
 """Sender and time of receipt of a report, the entries of one footer or image."""
@@ -144,7 +152,7 @@ class Tracks:
         while reports:
             entries = accumulate(len(rows) for rows, _ in reports)
             together = max(1, sum(so_far <= _ENTRIES_AT_ONCE for so_far in entries))
-            refused += self._assign_unlabelled(batch, first_row, reports[:together])
+            refused += yield from self._assign_unlabelled(batch, first_row, reports[:together])
             reports = reports[together:]
             if reports:
                 yield
@@ -159,34 +167,33 @@ class Tracks:
         parameters, q = self._parameters, self._parameters.acceleration_density
         memory_ms, unseen_ms = round(parameters.memory_s * 1000), round(parameters.unseen_s * 1000)
         self._tracks = [track for track in self._tracks if now_ms - track.last_ms <= unseen_ms]
-        for track in self._tracks:
-            track.drop_old(now_ms - memory_ms)
-        yield
+        for some in batches(self._tracks, _ENDS_AT_ONCE):
+            for track in some:
+                track.drop_old(now_ms - memory_ms)
+            yield
         # An estimate expires with its oldest measurement: a track can lose all before `unseen_s`.
         self._tracks = [track for track in self._tracks if track.stored]
-        tracks = self._tracks.copy()
         changed: list[Track] = []
-        for first in range(0, len(tracks), TRACKS_AT_ONCE):
-            some = tracks[first : first + TRACKS_AT_ONCE]
+        for some in batches(self._tracks, _CHOICES_AT_ONCE):
             changed += [track for track in some if track.choose_evidence()]
             yield
         yield from fuse_chosen(changed, self._store, now_ms, q)
         observer_sigma_m = cache(self._observer_sigma_m)
-        for track in changed:
-            provenance = track.estimate.provenance
-            track.common_variance_m2 = common_variance_m2(provenance, observer_sigma_m)
-        yield
-        for track in self._tracks:
-            track.settle(now_ms - SETTLED_MS)
-            track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS
-        yield
+        for some in batches(changed, _VARIANCES_AT_ONCE):
+            for track in some:
+                provenance = track.estimate.provenance
+                track.common_variance_m2 = common_variance_m2(provenance, observer_sigma_m)
+            yield
+        for some in batches(self._tracks, _ENDS_AT_ONCE):
+            for track in some:
+                track.settle(now_ms - SETTLED_MS)
+                track.is_confirmed = track.is_confirmed or track.count_times() >= CONFIRMATIONS
+            yield
         self._cached_states = None
-        self._merge(now_ms)
-        yield
-        self._fuse_duplicates(observer_sigma_m)
+        yield from self._merge(now_ms)
+        yield from self._fuse_duplicates(observer_sigma_m)
         yield
         self._by_label = {label: track for track in self._tracks for label in track.labels}
-        yield
         self._compact_store()
 
     def match_remote_vehicles(self, ids: Sequence[bytes], states: StateArrays, now_ms: int) -> None:
@@ -295,7 +302,7 @@ class Tracks:
 
     def _assign_unlabelled(
         self, batch: EvidenceBatch, first_row: int, reports: Sequence[tuple[list[int], set[int]]]
-    ) -> list[int]:
+    ) -> Generator[None, None, list[int]]:
         """Associate entries under new labels with tracks, or start tracks for them.
 
         Args:
@@ -314,10 +321,15 @@ class Tracks:
             self._states(),
             self._parameters.acceleration_density,
         )
+        if len(batch) > _ENTRIES_AT_ONCE:
+            yield
         started = Counter(track.first_sender for track in self._tracks)
         refused = []
-        at = 0
+        at, pause_at = 0, _STARTS_AT_ONCE
         for report, excluded in reports:
+            if at >= pause_at:
+                yield
+                pause_at = at + _STARTS_AT_ONCE
             found = evidence.associate(range(at, at + len(report)), excluded)
             for row in report:
                 sender, label = batch.senders[row], (batch.senders[row], batch.numbers[row])
@@ -375,18 +387,18 @@ class Tracks:
         self._tracks.append(track)
         return track
 
-    def _merge(self, now_ms: int) -> None:
-        states, q = self._states(), self._parameters.acceleration_density
-        merged, duplicates = merge_tracks(self._tracks, states, now_ms, q)
+    def _merge(self, now_ms: int) -> Generator[None, None, None]:
+        tracks, states, q = self._tracks, self._states(), self._parameters.acceleration_density
+        merged, duplicates = merge_tracks(tracks, states, now_ms, q)
+        self.merged = [(tracks[into], tracks[at]) for at, into in merged.items()]
         kept = [at for at in range(len(states)) if at not in merged]
-        variances = position_variances(states, now_ms, q)
-        choose_reported(self._tracks, kept, duplicates, variances)
-        self.merged = [(self._tracks[into], self._tracks[at]) for at, into in merged.items()]
         if merged:
-            self._tracks = [self._tracks[at] for at in kept]
+            self._tracks = [tracks[at] for at in kept]
             self._cached_states = states[kept]
+        yield
+        choose_reported(tracks, kept, duplicates, position_variances(states, now_ms, q))
 
-    def _fuse_duplicates(self, observer_sigma_m: ObserverSigma) -> None:
+    def _fuse_duplicates(self, observer_sigma_m: ObserverSigma) -> Generator[None, None, None]:
         """Fuse each reported track with its duplicates, as if they were merged."""
         with_others = []
         for track in self._tracks:
@@ -394,10 +406,11 @@ class Tracks:
             if track.duplicates:
                 with_others.append(track)
         evidence = [
-            [piece for one in (track, *track.duplicates) for piece in one.used]
+            [stored for one in (track, *track.duplicates) for stored in one.chosen]
             for track in with_others
         ]
-        fused = fuse(evidence, self._parameters.acceleration_density)
+        q = self._parameters.acceleration_density
+        fused = yield from fuse_stored(evidence, self._store, q)
         for track, estimate in zip(with_others, fused, strict=True):
             common_m2 = common_variance_m2(estimate.provenance, observer_sigma_m)
             track.fused_with_duplicates = estimate.with_position_variance(common_m2)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sized
 
 from onboard.messages import mvs_footer
 from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
+from onboard.mvs.waiting_footers import FOOTERS_TOGETHER
 from onboard.observations import Position
 from onboard.tracking.tracks import TRACKS_AT_ONCE
 from tests.mvs.attacker import ATTACKER, NOW, WITNESS, estimate_at, footer_with, victim
@@ -55,6 +56,21 @@ def test_slices_end_as_an_update_at_once() -> None:
     ended = drive(at_once)
     assert len(ended[-2]) > TRACKS_AT_ONCE
     assert drive(in_slices) == ended
+
+
+def test_many_footers_are_read_in_slices_as_at_once() -> None:
+    senders = [bytes([0, 0, 1, number]) for number in range(2 * FOOTERS_TOGETHER + 1)]
+    at_once, mvs = victim(), victim()
+    for each in (at_once, mvs):
+        for number, sender in enumerate(senders):
+            report(each, sender, 0, 1 + number % 3)
+    at_once.update(NOW)
+    slices = 1
+    while not mvs.update_slice(NOW):
+        slices += 1
+    assert slices > 3 * 3
+    assert mvs.kinematic_info(NOW) == at_once.kinematic_info(NOW)
+    assert mvs.footer_to_send(NOW + 0.05) == at_once.footer_to_send(NOW + 0.05) != b""
 
 
 def slices_of(vehicles: int) -> int:
