@@ -11,6 +11,7 @@ twice.
 import datetime as dt
 import json
 import math
+import re
 from collections import deque
 from typing import Any
 
@@ -38,6 +39,7 @@ GST_VALID_S = 2.0
 _QUALITY_BY_STATUS = {2: 2, 3: 4, 4: 5, 5: 6}
 """GGA quality by TPV status (2 differential, 3 RTK fixed, 4 RTK float, 5 dead reckoning)."""
 
+_LEAP_SECOND = re.compile(r"(?<=:\d\d):60(?=[.Z])")
 
 REPORT_START = b'{"class":'
 """First bytes of every report, gpsd_json(5)."""
@@ -168,7 +170,8 @@ def _number(report: dict[str, Any], name: str, least: float, most: float) -> flo
 def _utc_s(time: object) -> float:
     if not isinstance(time, str):
         raise ReportError(f"time is {time!r}")
-    utc = dt.datetime.fromisoformat(time)
+    without_leap, leaps = _LEAP_SECOND.subn(":59", time)  # `datetime` has none
+    utc = dt.datetime.fromisoformat(without_leap)
     if utc.tzinfo is None:  # it would be taken for local time
         raise ReportError(f"time {time} names no zone")
-    return utc.timestamp()
+    return utc.timestamp() + leaps

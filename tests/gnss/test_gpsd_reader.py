@@ -163,6 +163,8 @@ def test_an_error_report_of_gpsd_is_counted() -> None:
         without("epx", "eph", status=[2]),
         TPV | {"time": 17},
         TPV | {"time": "2026-03-01T12:00:00"},
+        TPV | {"time": "2016-12-31T23:60Z"},
+        TPV | {"time": "2016-12-31T23:59:61Z"},
         TPV | {"speed": -1},
         TPV | {"eph": -1, "epx": None},
         {"class": "SKY", "hdop": "good"},
@@ -192,3 +194,12 @@ def test_bytes_may_be_split_anywhere(cut: int) -> None:
 def test_no_bytes_raise(data: bytes) -> None:
     for event in read(data, b"\n", b'{"class":"TPV",' + data + b"\n", TPV):
         assert isinstance(event, Position | Discarded)
+
+
+def test_a_leap_second_is_as_long_as_any_other() -> None:
+    reader = GpsdReader()
+    for time in ("23:59:59.500Z", "23:59:60.500Z"):
+        report = TPV | {"time": f"2016-12-31T{time}"}
+        reader.receive_bytes(json.dumps(report).encode() + b"\n")
+    before, leap = every(Position, list(iter(reader.next_event, None)))
+    assert leap.stamp_s - before.stamp_s == 1.0
