@@ -298,6 +298,8 @@ class MultiVehicleSensing(Core):
             self._sensed_tracks.update(now_ms)
             self._sensed_tracks.match_remote_vehicles([self.own_id], states[:1], now_ms)
         self._updated_ms = self._utc_ms(self._slice_s)
+        if are_many:
+            yield  # what follows an update, such as the assessment of its objects, takes a step too
 
     # ---- out ------------------------------------------------------------------------------
 
