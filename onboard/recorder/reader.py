@@ -125,7 +125,8 @@ class RecordedDrive:
             below = sorted({file.parent for path in paths for file in path.glob("*/*.mcap")})
             there = f"; there are some in {', '.join(map(str, below))}" if below else ""
             raise RecordingError(
-                f"no recording found: segments are named <drive>-<number>.mcap{there}"
+                f"{', '.join(map(str, paths)) or 'no files'}: no recording found:"
+                f" segments are named <drive>-<number>.mcap{there}"
             )
         self.header: RecordingHeader = headers[0][1]
         self.format = read[0][2]

@@ -37,6 +37,9 @@ from onboard.security.secured_crl import load_crl, trust_store
 from onboard.security.settings import SecuritySettings
 from onboard.security.trust import Trusted, TrustStore
 
+EXISTS = "exists; remove it, or name another folder"
+"""What is said of a folder of keys that is to be made."""
+
 
 class KeyFilesError(UserError):
     """Unusable files; the message names the file and the remedy."""
@@ -316,6 +319,12 @@ def _read_certificate(file: Path) -> Certificate:
 def _new_folder(folder: Path) -> None:
     try:
         folder.mkdir(mode=0o700)
+    except FileExistsError:
+        raise KeyFilesError(f"{folder}: {EXISTS}") from None
+    except FileNotFoundError:
+        raise KeyFilesError(
+            f"{folder}: needs the folder {folder.parent}: mkdir -p -m 700 {folder.parent}"
+        ) from None
     except OSError as error:
         raise KeyFilesError(f"{folder}: cannot be made: {error.strerror}") from error
 

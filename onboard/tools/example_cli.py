@@ -33,7 +33,7 @@ def example(
             autocompletion=lambda incomplete: [e for e in EXAMPLES if e.startswith(incomplete)],
         ),
     ],
-    out: Annotated[Path, typer.Option(help="The folder to write to.")] = Path(),
+    out: Annotated[Path, typer.Option(help="The folder to write to; made if missing.")] = Path(),
 ) -> None:
     """Write an example: a car at a desk, or a whole configuration.
 
@@ -42,6 +42,10 @@ def example(
     files = EXAMPLES.get(Path(name).stem)
     if files is None:
         raise UserError(f"{name}: no such example; there are: {', '.join(EXAMPLES)}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{out}: cannot be made: {error.strerror}") from error
     for file in files:
         written = out / Path(file).name
         # Beside each other, and not in `examples`, are the files that one of them names.

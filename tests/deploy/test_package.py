@@ -97,11 +97,14 @@ def first_answer(address: str) -> str:
             time.sleep(0.2)
 
 
-def test_an_example_is_written_with_the_files_that_it_names(tmp_path: Path) -> None:
-    example("desk.yaml", tmp_path)
+def test_an_example_is_written_with_the_files_that_it_names_into_a_new_folder(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "trial" / "desk"
+    example("desk.yaml", folder)
 
-    assert "file: desk.log" in (tmp_path / "desk.yaml").read_text("utf-8")
-    log = (tmp_path / "desk.log").read_bytes()
+    assert "file: desk.log" in (folder / "desk.yaml").read_text("utf-8")
+    log = (folder / "desk.log").read_bytes()
     assert log == (ROOT / "examples/desk.log").read_bytes()
 
 
@@ -113,3 +116,5 @@ def test_a_file_of_two_examples_is_written_once_and_none_is_replaced(tmp_path: P
     with pytest.raises(UserError, match=r"desk\.log: exists; remove it"):
         example("lesson", tmp_path)
     assert (tmp_path / "desk.log").read_text("utf-8") == "mine"
+    with pytest.raises(UserError, match=r"desk\.log/here: cannot be made: Not a directory"):
+        example("lesson", tmp_path / "desk.log" / "here")

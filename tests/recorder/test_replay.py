@@ -447,7 +447,7 @@ def test_an_empty_folder_is_an_error_of_one_line(terminal: Terminal, tmp_path: P
 
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
-    assert "no recording found" in result.stderr
+    assert result.stderr.startswith(f"{tmp_path}: no recording found")
 
 
 def test_a_folder_of_folders_names_those_with_recordings(drive: Path, tmp_path: Path) -> None:

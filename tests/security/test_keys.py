@@ -233,8 +233,13 @@ def test_unusable_files_are_errors_with_the_remedy(
 
 def test_existing_files_are_not_overwritten(tmp_path: Path) -> None:
     key_files.write_credentials(tmp_path / "car", ALICE)
-    with pytest.raises(UserError, match="car: cannot be made: File exists"):
+    with pytest.raises(UserError, match="car: exists; remove it, or name another folder"):
         key_files.write_credentials(tmp_path / "car", BOB)
+
+
+def test_keys_in_a_folder_that_is_not_there_say_how_to_make_it(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"trial/car: needs the folder .*: mkdir -p -m 700 .*trial"):
+        key_files.write_credentials(tmp_path / "trial" / "car", BOB)
 
 
 def test_a_psid_that_is_not_a_number_is_a_usage_error(tmp_path: Path) -> None:

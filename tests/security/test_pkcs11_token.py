@@ -178,7 +178,9 @@ def test_a_car_with_its_keys_in_a_token_signs_for_one_with_files(
     keys = len(list(token._session.get_objects()))
     again = ["keys", "car", str(tmp_path / "car"), "--issuing", str(tmp_path / "issuing")]
     refused = CliRunner().invoke(app, [*again, "--config", str(config)])
-    assert str(refused.exception) == f"{tmp_path / 'car'}: cannot be made: File exists"
+    assert (
+        str(refused.exception) == f"{tmp_path / 'car'}: exists; remove it, or name another folder"
+    )
     assert len(list(token._session.get_objects())) == keys
 
 

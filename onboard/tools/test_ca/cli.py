@@ -116,7 +116,7 @@ def car(
     if token is not None and implicit:
         raise UserError(f"{config}: keys in its security.token need explicit certificates")
     if folder.exists():  # before a token is filled with keys
-        raise key_files.KeyFilesError(f"{folder}: cannot be made: File exists")
+        raise key_files.KeyFilesError(f"{folder}: {key_files.EXISTS}")
     new_key = p256.new_key if token is None else Pkcs11Token(token).new_key
     valid = _valid(days)
     known = None if settings is None else _known_plate(settings, issuer)
