@@ -54,7 +54,7 @@ pictures: .venv/ready ## the pictures of the pages in docs
 	$(PYTHON) -m tools.page_pictures
 	$(PYTHON) -m tools.wiring_picture
 
-# Every scenario with real daemons, one after the other: some ten minutes.
+# Every scenario with real daemons, one after the other: half an hour.
 test-live: .venv/ready ## every scenario with real daemons
 	$(PYTHON) -m pytest -m live tests/sim_rig
 
