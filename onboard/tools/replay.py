@@ -69,15 +69,13 @@ def replay(recording: RawRecording, config: CarConfig) -> Iterator[Event]:
     else with the first WSM, else at 0.
 
     Raises:
-        UserError: there is nothing to replay, a file cannot be read, or inputs are more than
+        UserError: a file has nothing to replay or cannot be read, or inputs are more than
             `LONGEST_PAUSE_S` apart.
     """
     inputs = _inputs(recording, config)
     first = next(inputs, None)
     if first is None:
-        files = (recording.can, recording.clip, recording.gnss, recording.pcap)
-        given = ", ".join(str(each) for each in files if each is not None)
-        raise UserError(f"{given}: nothing to replay: no readable CAN frame, image, fix or WSM")
+        raise UserError(f"{recording.clip}: nothing to replay: no readable image")
     credentials = None
     if recording.pcap:
         credentials = read_own_credentials(config.security, config.car.plate, config.psids)
@@ -118,16 +116,19 @@ def in_real_time(events: Iterator[Event]) -> Iterator[Event]:
 
 def _inputs(recording: RawRecording, config: CarConfig) -> Iterator[_Stamped]:
     """Yield the inputs of all recordings in order of time."""
-    stamped = [
-        *([_from_can(recording.can)] if recording.can is not None else []),
-        *([_from_gnss(recording.gnss)] if recording.gnss is not None else []),
-        *([_from_capture(recording.pcap)] if recording.pcap is not None else []),
-    ]
+    stamped = (
+        (recording.can, _from_can, "CAN frame"),
+        (recording.gnss, _from_gnss, "fix"),
+        (recording.pcap, _from_capture, "WSM of another vehicle"),
+    )
     sources: list[Iterator[_Stamped]] = []
     begins_s: list[float] = []
-    for source in stamped:
-        first = next(source, None)
-        if first is not None:
+    for path, read, what in stamped:
+        if path is not None:
+            source = read(path)
+            first = next(source, None)
+            if first is None:
+                raise UserError(f"{path}: nothing to replay: no readable {what}")
             begins_s.append(first[0])
             sources.append(chain((first,), source))
     if recording.clip is not None:

@@ -136,6 +136,15 @@ def test_an_empty_recording_is_a_user_error(tmp_path: Path) -> None:
         list(replay(RawRecording(gnss=log), UNCONFIGURED))
 
 
+def test_a_recording_without_a_fix_is_named_beside_one_that_can_be_read(tmp_path: Path) -> None:
+    log = tmp_path / "notes.txt"
+    log.write_text("hello\n", encoding="utf-8")
+    can = Path(__file__).parents[2] / "examples/desk.log"
+
+    with pytest.raises(UserError, match=r"notes\.txt: nothing to replay: no readable fix$"):
+        list(replay(RawRecording(can=can, gnss=log), UNCONFIGURED))
+
+
 def test_a_black_box_recording_takes_no_other_configuration() -> None:
     with pytest.raises(UserError, match="the black box has its own"):
         replay_cli.replay([Path("box")], config=Path("car.yaml"))
