@@ -42,6 +42,8 @@ class ScoredScenario:
 def score_scenarios(box: Path | None, names: Sequence[str], out: Path) -> Outcome:
     """Run the scenarios, print a line for each and the number, and write `score.csv` into `out`.
 
+    The table has each row as soon as it is judged: whoever interrupts keeps it.
+
     Args:
         box: the file of the box; without one, this build in virtual time.
         names: of scenarios or files; those of the rig if empty.
@@ -53,17 +55,20 @@ def score_scenarios(box: Path | None, names: Sequence[str], out: Path) -> Outcom
     """
     settings = None if box is None else load_settings(box, BoxSettings)
     console = Console(highlight=False)
+    scenarios = {name: load_scenario(name) for name in names or scenario_names()}
+    driven_s = sum(scenario.duration_s for scenario in scenarios.values())
+    console.print(f"{len(scenarios)} scenarios, at most {driven_s:.0f} s of driving")
     rows: list[ScoredScenario] = []
-    for name in names or scenario_names():
-        scenario = load_scenario(name)
-        row = _row(name, scenario, None if settings is None else (settings, str(box)), out)
-        rows.append(row)
-        console.print(f"{row.scenario:20} {row.outcome:8} {row.why}".rstrip(), soft_wrap=True)
     out.mkdir(parents=True, exist_ok=True)
     with (out / "score.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, [field.name for field in fields(ScoredScenario)])
         table.writeheader()
-        table.writerows(map(asdict, rows))
+        for name, scenario in scenarios.items():
+            row = _row(name, scenario, None if settings is None else (settings, str(box)), out)
+            rows.append(row)
+            console.print(f"{row.scenario:20} {row.outcome:8} {row.why}".rstrip(), soft_wrap=True)
+            table.writerow(asdict(row))
+            file.flush()
     console.print(sentence(rows), soft_wrap=True)
     return max(Outcome[row.outcome.upper()] for row in rows if row.outcome != _LEFT_OUT)
 

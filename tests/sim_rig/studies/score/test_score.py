@@ -7,6 +7,7 @@ import pytest
 
 from onboard.errors import UserError
 from sim_rig.reporting.verdict import Outcome
+from sim_rig.studies.score import score
 from sim_rig.studies.score.score import ScoredScenario, score_scenarios, sentence
 
 
@@ -39,6 +40,23 @@ def test_a_box_is_left_out_of_scenarios_without_its_plate(tmp_path: Path) -> Non
     with (tmp_path / "score.csv").open() as file:
         (left_out,) = csv.DictReader(file)
     assert (left_out["outcome"], left_out["why"]) == ("left out", "no car has the plate NOBODY1")
+
+
+def test_an_interrupted_score_keeps_what_was_judged_and_says_first_how_much_there_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def judged(name: str, *_: object) -> ScoredScenario:
+        if name == "chain":
+            raise KeyboardInterrupt
+        return row("passed")
+
+    monkeypatch.setattr(score, "_row", judged)
+    with pytest.raises(KeyboardInterrupt):
+        score_scenarios(None, ["fig4", "chain"], tmp_path)
+
+    with (tmp_path / "score.csv").open() as file:
+        assert [each["scenario"] for each in csv.DictReader(file)] == ["fig4"]
+    assert capsys.readouterr().out.startswith("2 scenarios, at most ")
 
 
 @pytest.mark.long
