@@ -4,7 +4,7 @@ import socket
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
@@ -38,6 +38,12 @@ class PageSettings(Settings):
 
 class BoxSettings(WireSettings):
     """One box: its wires, its plate, its keys and its recording."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "car": "is the configuration of a car; the rig needs a file of the box's wires, such as"
+        " `onboard example red` writes, and not",
+        "cars": "is a scenario, not the file of a box: sim-rig run",
+    }
 
     plate: PlateText
     """Plate in the box's own configuration (or `TAG<n>`); the scenario's car must have it."""

@@ -88,6 +88,16 @@ def test_what_is_no_box_is_named(fig4: Scenario, given: str, mistake: str) -> No
     assert mistake in mistakes(fig4, given)
 
 
+def test_the_configuration_of_a_car_or_a_scenario_is_no_box(fig4: Scenario) -> None:
+    car = EXAMPLES / "car.yaml"
+    scenario = EXAMPLES.parents[1] / "sim_rig/scenarios/fig4.yaml"
+
+    assert mistakes(fig4, f"red={car}").startswith(f"{car}: is the configuration of a car; the rig")
+    assert mistakes(fig4, f"red={scenario}").endswith(
+        f"not the file of a box: sim-rig run {scenario}"
+    )
+
+
 def test_a_wire_named_twice_is_named(fig4: Scenario, tmp_path: Path) -> None:
     (tmp_path / "red.yaml").write_text("bus: {port: 1}\nbus: {port: 2}\n")
     assert "key 'bus' is repeated" in mistakes(fig4, f"red={tmp_path}/red.yaml")
