@@ -18,7 +18,7 @@ from typing import Annotated
 import typer
 
 from onboard.errors import UserError
-from onboard.tools.command_line import VersionOption, command_line
+from onboard.tools.command_line import VersionOption, command_line, output_on_a_disk
 from onboard.wave_udp.settings import RadioProfile
 from sim_rig.scenario.catalogue import scenario_titles
 from sim_rig.studies.campaigns.catalogue import (
@@ -431,7 +431,8 @@ def main() -> None:
     A package of an extra that is not installed is such an error.
     """
     try:
-        app()
+        with output_on_a_disk():
+            app()
     except UserError as error:
         typer.echo(error, err=True)
         sys.exit(2)

@@ -350,6 +350,7 @@ def _require_private(path: Path) -> None:
     try:
         exposed = exposure(path)
     except OSError as error:
-        raise KeyFilesError(f"{path}: cannot be read: {error.strerror}") from error
+        remedy = "; `onboard keys` makes it" if isinstance(error, FileNotFoundError) else ""
+        raise KeyFilesError(f"{path}: cannot be read: {error.strerror}{remedy}") from error
     if exposed is not None:
         raise KeyFilesError(exposed)

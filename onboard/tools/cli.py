@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from onboard.errors import UserError
-from onboard.tools.command_line import VersionOption, command_line
+from onboard.tools.command_line import VersionOption, command_line, output_on_a_disk
 from onboard.tools.commands import LazyGroup
 
 _PACKAGE = Path(__file__).parents[1]
@@ -31,7 +31,8 @@ def options(version: VersionOption = False) -> None:
 def main() -> None:
     """Run the command line; a mistake of the user is one line on stderr and exit code 2."""
     try:
-        app()
+        with output_on_a_disk():
+            app()
     except UserError as error:
         sys.exit(_complain(error))
 

@@ -1,10 +1,16 @@
 """What both command lines have in common: plain help and errors, and the option `--version`."""
 
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
 import typer.core
 
+from onboard.errors import UserError
 from onboard.recorder.build import present_build
 
 
@@ -33,6 +39,23 @@ def command_line(
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
     )
+
+
+@contextmanager
+def output_on_a_disk() -> Iterator[None]:
+    """Let a command print into a file.
+
+    Raises:
+        UserError: the disk under the standard output is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            raise
+        # What is left in its buffer would be tried again as the program ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise UserError(f"the output cannot be written: {error.strerror}") from error
 
 
 def _print_version(wanted: bool) -> None:

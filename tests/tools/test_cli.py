@@ -35,6 +35,23 @@ def test_a_mistake_ends_the_program_with_one_line(tmp_path: Path) -> None:
     assert ended.stderr == f"{tmp_path / 'car.yaml'}: cannot be read: No such file or directory\n"
 
 
+def test_output_on_a_full_disk_is_one_line() -> None:
+    """In a process of its own, as what is left is written when it ends."""
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "onboard", "check", "examples/desk.yaml"],
+            cwd=Path(__file__).parents[2],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+
+    assert ended.stderr == "the output cannot be written: No space left on device\n"
+    assert ended.returncode == 2
+
+
 def test_check_lists_the_sections_of_a_valid_configuration(
     terminal: Terminal, tmp_path: Path
 ) -> None:

@@ -216,7 +216,9 @@ def test_a_vehicle_beside_a_box_signs_in_all_runs_as_the_same(
 def test_a_folder_of_keys_without_an_authority_is_named(fig4: Scenario, tmp_path: Path) -> None:
     (tmp_path / "keys").mkdir()
     red = load_boxes([written(tmp_path, "red", box(tmp_path, "RD288HX"))], fig4)
-    with pytest.raises(KeyFilesError, match="keys/issuing: cannot be read: No such file"):
+    with pytest.raises(
+        KeyFilesError, match=r"keys/issuing: cannot be read: No such file.*`onboard keys`"
+    ):
         run_credentials(fig4, red, 1_750_000_000.0)
 
 
