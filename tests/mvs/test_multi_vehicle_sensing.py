@@ -144,6 +144,7 @@ def test_two_cars_side_by_side_are_two() -> None:
                 assert min(math.dist(place[:2], truth) for place in known) < 1.6
 
 
+@pytest.mark.long
 def test_a_car_without_a_radio_beside_one_with_is_still_known() -> None:
     cars = [
         Car("a", 0, -20, 0, 10, sees=frozenset({"x", "b"})),
@@ -159,6 +160,7 @@ def test_a_car_without_a_radio_beside_one_with_is_still_known() -> None:
         assert math.dist(world.place_of("b", x)[:2], world.truth("x")[:2]) < 1.0
 
 
+@pytest.mark.long
 def test_a_remote_vehicle_that_falls_silent_hides_no_track_on_its_path() -> None:
     """It may have braked behind the queue through which its last word would have led it."""
 
@@ -179,7 +181,7 @@ def test_a_remote_vehicle_that_falls_silent_hides_no_track_on_its_path() -> None
         assert len(world.without_radio("v")) == 2
 
 
-@pytest.mark.parametrize("lane_m", [3.0, 3.5])
+@pytest.mark.parametrize("lane_m", [3.0, pytest.param(3.5, marks=pytest.mark.long)])
 def test_a_car_that_only_others_report_is_known_beside_one_with_a_radio(lane_m: float) -> None:
     """From 80 m away it is placed to 0.9 m across: that may be the next lane, and is not."""
     cars = [

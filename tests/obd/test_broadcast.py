@@ -215,6 +215,7 @@ def test_the_settings_may_name_another_unit_of_pressure(dbc: Path) -> None:
     assert trigger.is_active
 
 
+@pytest.mark.long
 def test_a_wheel_of_three_that_stops_at_once_is_no_collision(dbc: Path) -> None:
     bus = bus_of(settings(dbc, speed=("THREE.A", "THREE.B", "THREE.C")))
     frames = [frame(n / 50, "THREE", A=80 * (n < 100), B=80, C=80) for n in range(200)]

@@ -180,6 +180,7 @@ def test_harder_braking_raises_the_level_once_it_is_certain() -> None:
     assert end.is_over
 
 
+@pytest.mark.long
 @given(
     deceleration_g=st.floats(0.5, 1.0),
     from_km_h=st.floats(40.0, 180.0),

@@ -62,6 +62,7 @@ def events_of(reassembly: Reassembly) -> list[Aborted | Message]:
     return events
 
 
+@pytest.mark.long
 @given(payload=st.binary(min_size=1, max_size=300) | st.binary(min_size=4090, max_size=4095))
 def test_messages_of_another_implementation_are_reassembled(payload: bytes) -> None:
     assert receive(units_of(payload)) == [Message(payload)]

@@ -154,6 +154,7 @@ def test_one_collision_follows_another() -> None:
     assert [each.is_over for each in found] == [False, True, False, True]
 
 
+@pytest.mark.long
 @given(
     seed=st.integers(0, 2**32 - 1),
     hz=st.sampled_from([2, 10, 20]),

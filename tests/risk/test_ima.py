@@ -297,6 +297,7 @@ def test_who_brakes_or_is_out_of_turn_is_not_taken_to_drive_into_anybody() -> No
         assert meet(35.0, 35.0, sideways=sideways) < SETTINGS.warning_p_c
 
 
+@pytest.mark.long
 @given(
     distance=st.tuples(st.floats(-20, 90), st.floats(-20, 90)),
     acceleration=st.tuples(st.floats(-9, 4), st.floats(-9, 4)),

@@ -191,7 +191,7 @@ def test_without_a_position_the_cameras_lead_is_still_assessed() -> None:
     assert monitor.next_event() is not None
 
 
-@pytest.mark.parametrize("left_m", [-3.5, 3.5])
+@pytest.mark.parametrize("left_m", [-3.5, pytest.param(3.5, marks=pytest.mark.long)])
 def test_a_standing_queue_in_the_lane_beside_raises_none(left_m: float) -> None:
     """The receiver's course scatters, and with it the predicted path."""
     road, began_m_s, braking_m_s2, queue_m = Road(lambda _: 0.0), 12.0, 2.0, 45.0

@@ -93,6 +93,7 @@ def test_a_recording_of_a_single_fix_is_replayed(tmp_path: Path) -> None:
     assert [event.kind for event in replay(RawRecording(gnss=log), UNCONFIGURED)] == ["position"]
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_a_clip_without_a_can_log_starts_at_the_first_fix(rig_data: Path, tmp_path: Path) -> None:
     whole = (rig_data / "gnss" / "drive-a.nmea").read_bytes().splitlines(keepends=True)[:60]

@@ -200,7 +200,7 @@ def test_an_id_of_another_epoch_is_not_proved() -> None:
     assert reasons(platoon, "AAA1")[-1:] == ["unproved_id"]
 
 
-@pytest.mark.parametrize("step_s", [0.0, 0.0003])
+@pytest.mark.parametrize("step_s", [0.0, pytest.param(0.0003, marks=pytest.mark.long)])
 def test_what_is_received_when_the_ids_change_is_answered_under_the_new_one(
     step_s: float,
 ) -> None:
@@ -222,6 +222,7 @@ def test_what_is_received_when_the_ids_change_is_answered_under_the_new_one(
     assert not any("unproved_id" in reasons(platoon, plate) for plate in PLATES)
 
 
+@pytest.mark.long
 def test_one_signer_is_replied_to_as_often_as_a_follower_asks_and_the_followers_still_are() -> None:
     """A join is small, and a reply takes a signature."""
     platoon, insider = driven(beacons=False), Insider()

@@ -80,6 +80,7 @@ def test_the_gaps_sigma_is_larger_while_the_plate_width_is_unknown() -> None:
     assert sigmas_m[0] > 1.1 * sigmas_m[1] > 0.0
 
 
+@pytest.mark.long
 def test_a_sharper_plate_in_the_next_lane_is_no_lead() -> None:
     observed = drive(SceneCar(14.0, plate=OURS), SceneCar(8.5, 2.4, plate=THEIRS), duration_s=2.0)
 

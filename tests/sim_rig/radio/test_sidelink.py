@@ -58,6 +58,7 @@ def test_periodic_messages_keep_their_resource_for_5_to_15_periods() -> None:
     assert runs.max() <= 30  # by chance one resource may be chosen twice in a row
 
 
+@pytest.mark.long
 def test_who_sends_in_a_subframe_receives_nothing_in_it() -> None:
     channel = opened(SidelinkSettings(), np.array([0.0, 50.0]))
     for number in range(2000):

@@ -33,6 +33,7 @@ def test_only_the_kind_that_is_asked_for_is_drawn(kind: VehicleKind) -> None:
     assert {vehicle.kind for vehicle in vehicles} == {kind}
 
 
+@pytest.mark.long
 def test_boxes_have_a_size_and_stand_before_the_camera() -> None:
     for street in _streets(12):
         for vehicle in street.vehicles:

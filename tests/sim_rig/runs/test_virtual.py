@@ -88,6 +88,7 @@ def test_stamps_of_a_trace_never_exceed_the_run_and_messages_come_in_order(lossy
         assert max(record["stamp_s"] for record in trace) <= lossy.duration_s
 
 
+@pytest.mark.long
 def test_a_car_without_daemon_is_detected_and_sends_nothing() -> None:
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 9.0})
     green = scenario.cars["green"].model_copy(update={"equipped": False})

@@ -90,13 +90,8 @@ def test_a_true_braking_that_the_end_of_a_run_cuts_off_is_no_false_one() -> None
     assert (counts.false_alarms, counts.true_alarms) == (0, 0)
 
 
-@pytest.mark.parametrize(
-    "attack",
-    [
-        pytest.param(attack, marks=[] if attack is AttackKind.BRAKE_CAMERA else pytest.mark.long)
-        for attack in BRAKE_CLAIMS
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("attack", BRAKE_CLAIMS)
 def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKind) -> None:
     """A BSM from the place of the camera's lead, its speed falling, braked a car each time."""
     counts = run_brake_claims(

@@ -222,6 +222,7 @@ def test_too_few_drivers_are_an_error() -> None:
         fit_population(observed)
 
 
+@pytest.mark.long
 def test_the_fit_recovers_the_population(tmp_path: Path) -> None:
     write("rakhshan-figure6", tmp_path, DriversSettings(drivers=150, reactions=15))
 
