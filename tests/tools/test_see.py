@@ -551,3 +551,16 @@ def test_vehicles_are_drawn_and_what_only_looks_like_a_plate_is_not() -> None:
     assert is_drawn((rear,)) == [True, False]
     assert is_drawn((rear, rail)) == [True, True]
     assert is_drawn(None) == [False, True]
+
+
+@pytest.mark.parametrize("width_px", [320, 3840])
+def test_the_caption_is_as_large_as_the_image_asks_and_not_cut(width_px: int) -> None:
+    height_px = width_px * 9 // 16
+    frame = Frame(0.0, np.zeros((height_px, width_px, 3), np.uint8), "drive.mp4")
+    lead = Lead(0.0, LeadIdentity.UNKNOWN, gap_m=12.0, closing_speed_m_s=1.0)
+
+    written = AnnotatedFrame(0, frame, (lead,)).annotated().any(axis=-1)
+
+    columns, rows = np.flatnonzero(written.any(axis=0)), np.flatnonzero(written.any(axis=-1))
+    assert columns[-1] < width_px - 8
+    assert np.ptp(rows) > height_px / 40

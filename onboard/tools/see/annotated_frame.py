@@ -1,5 +1,6 @@
 """One frame and the events of perception: the rows and images of `onboard see`."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -34,6 +35,7 @@ DRAWN_CANDIDATES, MIN_DRAWN = 3, 0.01
 """Candidates in the caption of a frame, and the probability from which they are drawn."""
 
 _LEAD_BGR, _OTHER_BGR = (60, 220, 60), (60, 160, 255)
+_FONT, _LEAST_SCALE, _SCALE_1_ROWS, _MARGIN_PX = cv2.FONT_HERSHEY_SIMPLEX, 0.4, 900, 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +127,8 @@ class AnnotatedFrame:
             if plate.text is not None:
                 label = f"{plate.text} {plate.confidence:.2f}"
                 _write(image, label, (round(plate.box.x_px), round(plate.box.y_px) - 6), colour)
-        _write(image, self.caption, (12, image.shape[0] - 14), _LEAD_BGR)
+        at = _MARGIN_PX, image.shape[0] - _MARGIN_PX
+        _write(image, self.caption, at, _LEAD_BGR, image.shape[1] - 2 * _MARGIN_PX)
         return image
 
     @property
@@ -178,8 +181,15 @@ def _draw(image: npt.NDArray[np.uint8], box: ImageBox, bgr: tuple[int, int, int]
 
 
 def _write(
-    image: npt.NDArray[np.uint8], text: str, at: tuple[int, int], bgr: tuple[int, int, int]
+    image: npt.NDArray[np.uint8],
+    text: str,
+    at: tuple[int, int],
+    bgr: tuple[int, int, int],
+    most_px: float = math.inf,
 ) -> None:
-    """Letters with a dark outline, legible on any ground."""
+    """Letters with a dark outline, as large as the image's height asks, and at most so wide."""
+    scale = max(_LEAST_SCALE, image.shape[0] / _SCALE_1_ROWS)
+    width_px = cv2.getTextSize(text, _FONT, scale, 1)[0][0]
+    scale *= min(1.0, max(most_px, 1.0) / width_px)
     for colour, thickness in (((0, 0, 0), 4), (bgr, 1)):
-        cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness, cv2.LINE_AA)
+        cv2.putText(image, text, at, _FONT, scale, colour, thickness, cv2.LINE_AA)
