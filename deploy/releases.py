@@ -169,6 +169,10 @@ class Releases:
         if not (folder / COMPLETE).exists():
             try:
                 self._build(bundle, folder)
+                if verifier is None:
+                    self._check_first(bundle, folder)
+                os.sync()
+                _write(folder / COMPLETE, bundle.name)
             except BaseException:
                 with contextlib.suppress(OSError):
                     _remove(folder)
@@ -224,10 +228,6 @@ class Releases:
         (folder / UNITS).mkdir()
         for unit in (bundle.folder / "files").glob("*.service"):
             _copy(unit, folder / UNITS / unit.name)
-        if self._verifier() is None:
-            self._check_first(bundle, folder)
-        os.sync()
-        _write(folder / COMPLETE, bundle.name)
 
     def _check_configuration(self, folder: Path) -> None:
         configuration = self._etc / "car.yaml"
