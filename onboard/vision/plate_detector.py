@@ -8,7 +8,7 @@ were trained on rendered images only (`training/`).
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -46,6 +46,9 @@ ones are high enough at half the size, where narrow European ones are lost."""
 _REFINED_VIEW_SIZE = (192, 96)
 _REFINED_PLATE_PX = (84.0, 96.0)
 """Smaller plates are enlarged to the first of these widths, larger ones reduced to the second."""
+_CUT_PX, _CUT_SHARE = 4.0, 0.5
+"""Distance to the border of what a network gets within which a plate may be cut by it, and a factor
+for the score of one that is: at half the size, the whole plate then comes first."""
 _MAX_CANDIDATES = 8
 _MIN_UNSURE_PX = 32.0
 """Least width of a candidate with a low score: a narrower one could hardly be read."""
@@ -134,13 +137,16 @@ class PlateDetector:
                 if is_fine and not least_px <= found.width_px < most_px:
                     continue
                 plate = PlateDetection(found.corners_px * scale + (left, top), found.score)
+                if is_fine and _is_cut(plate.box, left, top, right, bottom):
+                    plate = replace(plate, score=_CUT_SHARE * plate.score)
                 if plate.score >= sure or plate.width_px >= _MIN_UNSURE_PX:
                     yield plate
 
     def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
         """The plate that was at `last` in the frame before, by one run: several times cheaper.
 
-        It is found within about half its width of `last`.
+        It is found within about half its width of `last`; one that is farther, of which the view
+        may have a part only, is not.
         """
         middle, reach = last.mean(axis=0), 1.5 * float(np.ptp(last[:, 0])) + CELL_PX
         left, top = (float(value) for value in middle - reach)
@@ -148,8 +154,11 @@ class PlateDetector:
         if min(part.shape[:2]) < CELL_PX:
             return None
         grey = part if part.ndim == 2 else np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
-        found = self._refined(np.asarray(grey, np.uint8), PlateDetection(last - origin, 1.0))
-        if found.score < min(LEAST_SCORE_AGAIN, self._least_score):
+        first = PlateDetection(last - origin, 1.0)
+        found = self._refined(np.asarray(grey, np.uint8), first)
+        aside_px = np.abs(found.corners_px[:, 0] - first.corners_px[:, 0].mean()).max()
+        most_px = (_REFINED_VIEW_SIZE[0] / 2 - _CUT_PX) / _refined_scale(first.width_px)
+        if aside_px > most_px or found.score < min(LEAST_SCORE_AGAIN, self._least_score):
             return None
         return PlateDetection(found.corners_px + origin, found.score)
 
@@ -159,8 +168,7 @@ class PlateDetector:
         The score is the geometric mean of both networks'. Where the second one's is higher, it
         counts twice: it gets a small plate at the size at which networks are best.
         """
-        width_px = max(first.width_px, 4.0)
-        scale = float(np.clip(width_px, *_REFINED_PLATE_PX)) / width_px
+        scale = _refined_scale(first.width_px)
         middle = first.corners_px.mean(axis=0)
         width, height = _REFINED_VIEW_SIZE
         if scale < 0.7:
@@ -192,6 +200,12 @@ class PlateDetector:
         return PlateDetection(corners, max(both ** (1 / 2), (both * best.score) ** (1 / 3)))
 
 
+def _refined_scale(width_px: float) -> float:
+    """Pixels of the refining view for one of an image with a plate that is so wide."""
+    width_px = max(width_px, 4.0)
+    return float(np.clip(width_px, *_REFINED_PLATE_PX)) / width_px
+
+
 def fine_part(width_px: int, height_px: int) -> tuple[int, int, int, int]:
     """Left, top, right and bottom of the part that is searched at full size: the middle.
 
@@ -204,6 +218,14 @@ def fine_part(width_px: int, height_px: int) -> tuple[int, int, int, int]:
         CELL_PX * round((1.0 - share) * px / 2 / CELL_PX) for px in (width_px, height_px)
     )
     return across, down, width_px - across, height_px - down
+
+
+def _is_cut(box: ImageBox, left: int, top: int, right: int, bottom: int) -> bool:
+    """Whether the border of this part of an image may cut the box; the image's own is at 0."""
+    is_inside = (left == 0 or left + _CUT_PX <= box.x_px <= right - _CUT_PX - box.w_px) and (
+        top == 0 or top + _CUT_PX <= box.y_px <= bottom - _CUT_PX - box.h_px
+    )
+    return not is_inside
 
 
 def _run(network: Network, grey: Image, least: float, sure: float) -> list[PlateDetection]:

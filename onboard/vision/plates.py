@@ -154,7 +154,8 @@ class PlateRecognizer:
     def _search_region(self, image: Image, followed: TrackRegion) -> list[PlateDetection]:
         if followed.kind is DetectionKind.PLATE and followed.was_detected:
             plate = self._finder.find_again(image, followed.corners_px)
-            return [] if plate is None else [plate]
+            if plate is not None:
+                return [plate]
         return self._finder.find(image, followed.region)
 
     def _detection(self, image: Image, found: "_Found", text: PlateText | None) -> Detection:

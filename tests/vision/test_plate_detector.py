@@ -12,8 +12,8 @@ from onboard.observations import ImageBox
 from onboard.vision.plate_detector import PlateDetection, PlateDetector, as_input, fine_part
 from onboard.vision.settings import Calibration
 from sim_rig.rendering.clutter import surroundings
-from sim_rig.rendering.plate_art import FORMATS, PlateFormat
-from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar
+from sim_rig.rendering.plate_art import EU, FORMATS, PlateFormat, draw_plate
+from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, opaque, warp_onto
 
 CAMERA = CameraRenderer(Calibration())
 GOOD = 0.14
@@ -180,3 +180,38 @@ def test_box_and_width_of_a_detection() -> None:
 def test_a_missing_model_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no network at .*none\.onnx"):
         PlateDetector(tmp_path / "none.onnx")
+
+
+@pytest.mark.parametrize("side", ["left", "right", "top"])
+def test_the_border_of_what_is_searched_at_full_size_cuts_no_plate(
+    detector: PlateDetector, side: str
+) -> None:
+    left, top, right, _ = fine_part(960, 540)
+    width_px, height_px = 87.0, 18.4
+    for share in (0.3, 0.42, 0.58, 0.7):
+        x = {"left": left, "right": right, "top": 480}[side] - share * width_px
+        y = top - share * height_px if side == "top" else 260.0
+        image = np.full((540, 960, 3), 90, np.uint8)
+        whole = [(x, y), (x + width_px, y), (x + width_px, y + height_px), (x, y + height_px)]
+        warp_onto(image, opaque(draw_plate("BA148TK", EU)), np.array(whole, np.float32))
+
+        found = detector.find(image)
+
+        assert found, share
+        assert found[0].width_px == pytest.approx(0.94 * width_px, rel=0.1), share
+
+
+@pytest.mark.parametrize("moved_px", [-100, -80, -60, -40, 40, 60, 80, 100])
+def test_a_plate_that_has_moved_is_found_again_whole_or_not_at_all(
+    detector: PlateDetector, moved_px: int
+) -> None:
+    # In a bend of 150 m, a lens of 3300 px sees the lead 66 px farther aside after 0.2 s.
+    image = np.full((540, 960, 3), 90, np.uint8)
+    x, y = 400.0, 240.0
+    truth = np.array([(x, y), (x + 87, y), (x + 87, y + 18.4), (x, y + 18.4)], np.float32)
+    warp_onto(image, opaque(draw_plate("BA148TK", EU)), truth)
+
+    found = detector.find_again(image, truth - np.array([moved_px, 0], np.float32))
+
+    assert found is None or found.width_px == pytest.approx(82, abs=6)
+    assert found is not None or abs(moved_px) > 45

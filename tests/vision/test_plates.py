@@ -58,6 +58,25 @@ def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
     return reported
 
 
+class MovingFinder(Finder):
+    """Its plate is too far from the last position to be found again."""
+
+    def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
+        return None
+
+
+def test_a_plate_that_is_not_found_again_is_searched_around_in_the_same_frame() -> None:
+    reader = Reader(*[("GN417KB", 0.9)] * 15)
+    perception = Perception(CAMERA, SETTINGS, Networks(MovingFinder(400.0), reader))
+    image = np.random.default_rng(1).integers(0, 255, (540, 960, 3), np.uint8)
+    for index in range(15):
+        perception.receive_frame(image // 2 + np.uint8(index), index / 15)
+        found = []
+        while (event := perception.next_event()) is not None:
+            found += [event] if isinstance(event, Plate) else []
+        assert found, index
+
+
 @pytest.mark.parametrize("left_px", [-60.0, 0.0, 890.0, 930.0])
 def test_a_plate_cut_off_at_the_border_is_never_certain(left_px: float) -> None:
     (plate,) = plates(Finder(left_px), ("B2414", 0.96))
