@@ -4,6 +4,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from typing_extensions import override
 
 from onboard.observations import ImageBox, Lead, Plate, PlateCandidate
 from onboard.vision.parameters import PerceptionParameters
@@ -61,6 +62,7 @@ def plates(finder: Finder, *reads: tuple[str, float]) -> list[Plate]:
 class MovingFinder(Finder):
     """Its plate is too far from the last position to be found again."""
 
+    @override
     def find_again(self, image: Image, last: Corners) -> PlateDetection | None:
         return None
 
