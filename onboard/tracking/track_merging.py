@@ -93,7 +93,8 @@ def choose_reported(
     So an attacker cannot hide a vehicle that the own sensors measure. A track that is not reported
     does not suppress its own duplicates. Where all possible duplicates of a track are so of each
     other, and of no further track, they are taken for one vehicle that several observers place
-    differently, unless own sensors measure it: they know best where it is from here.
+    differently, unless own sensors measure it: they know best where it is from here. Tracks too
+    uncertain to be reported do not count as duplicates in this: one may be any of its neighbours.
 
     Args:
         tracks: N of them; `is_reported` and `duplicates` of each are set.
@@ -102,19 +103,18 @@ def choose_reported(
         variances: (N) of position, summed over both axes, m^2.
     """
     reported: set[int] = set()
-    there = set(kept)
+    certain = {at for at in kept if variances[at] <= MAX_REPORTED_SIGMA_M**2}
     for at in sorted(kept, key=lambda at: (not tracks[at].is_sensed, variances[at])):
         track = tracks[at]
-        certain = variances[at] <= MAX_REPORTED_SIGMA_M**2
-        track.is_reported = bool(
-            track.is_confirmed and certain and reported.isdisjoint(duplicates[at])
+        track.is_reported = (
+            track.is_confirmed and at in certain and reported.isdisjoint(duplicates[at])
         )
         track.duplicates = []
         if track.is_reported:
             reported.add(at)
-            alike = {at} | (duplicates[at] & there)
+            alike = {at} | (duplicates[at] & certain)
             others = [tracks[one] for one in sorted(alike - {at})]
-            are_one = all({one} | (duplicates[one] & there) == alike for one in alike)
+            are_one = all({one} | (duplicates[one] & certain) == alike for one in alike)
             if are_one and _may_be_fused([track, *others]):
                 track.duplicates = others
 

@@ -184,6 +184,14 @@ def test_a_vehicle_that_two_observers_place_differently_is_reported_between_both
     assert {observer_of(each) for each in reported.provenance} == {A, B}
 
 
+def test_a_track_too_uncertain_to_be_reported_separates_no_duplicates() -> None:
+    """It may be the one that A places, and is too far from the one that B places."""
+    reported = placed_by((A, 0.0, 0.7), (B, 2.0, 0.7), (b"cccc", -6.5, 10.0))
+
+    assert reported.state[0] == pytest.approx(1.0, abs=0.1)
+    assert {observer_of(each) for each in reported.provenance} == {A, B}
+
+
 def test_what_others_report_does_not_move_what_own_sensors_measure() -> None:
     assert placed_by((OWN, 0.0, 0.8), (B, 2.0, 0.5)).state[0] == 0.0
 
