@@ -1,6 +1,6 @@
 """Verdict of a run: what failed, and what cannot be judged and why."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import product
@@ -16,6 +16,15 @@ class Outcome(IntEnum):
     PASSED = 0
     FAILED = 1
     INVALID = 3
+
+
+def worst(outcomes: Iterable[Outcome]) -> Outcome:
+    """Return the outcome of several runs: one that could not be judged hides no failure.
+
+    Args:
+        outcomes: of the runs, one at least.
+    """
+    return max(outcomes, key=[Outcome.PASSED, Outcome.INVALID, Outcome.FAILED].index)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from onboard.errors import UserError
 from sim_rig.boxes.settings import BoxSettings, load_boxes
-from sim_rig.reporting.verdict import Outcome
+from sim_rig.reporting.verdict import Outcome, worst
 from sim_rig.run_log.first_difference import Decision, DecisionPair, RunComparison, compare
 from sim_rig.run_log.latency_ledger import HOPS, ledger
 from sim_rig.run_log.run_log import RunLog
@@ -76,7 +76,7 @@ def climb(scenario: str, out: Path, boxes: Sequence[str]) -> Outcome:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("figure", "value", "unit", "limit"))
         writer.writerows(_figures(dict(zip(logs, outcomes, strict=True)), logs, compared))
-    return max(outcomes)
+    return worst(outcomes)
 
 
 def rungs_of_boxes(
@@ -135,7 +135,7 @@ def _figures(
             yield f"{rung}: rig late, {late.what}, p99", f"{late.p99_s * 1e3:.1f}", "ms", limit_ms
     for rungs, found in compared.items():
         yield f"{rungs}: same decisions", str(found.decisions), "", ""
-        yield f"{rungs}: other decisions", str(len(found.differences)), "", "0"
+        yield f"{rungs}: other decisions", str(len(found.differences)), "", ""
 
 
 def _latencies(logs: dict[str, RunLog]) -> Table:

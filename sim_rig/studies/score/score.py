@@ -17,7 +17,7 @@ from onboard.errors import UserError
 from onboard.settings import SettingsError, load_settings
 from sim_rig.boxes.contact import BoxNotReadyError
 from sim_rig.boxes.settings import BoxSettings, load_boxes
-from sim_rig.reporting.verdict import Outcome, verdict
+from sim_rig.reporting.verdict import Outcome, verdict, worst
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.command import run_and_report, run_in_virtual_time
 from sim_rig.runs.live import LiveTestbench
@@ -70,7 +70,7 @@ def score_scenarios(box: Path | None, names: Sequence[str], out: Path) -> Outcom
             table.writerow(asdict(row))
             file.flush()
     console.print(sentence(rows), soft_wrap=True)
-    return max(Outcome[row.outcome.upper()] for row in rows if row.outcome != _LEFT_OUT)
+    return worst(Outcome[row.outcome.upper()] for row in rows if row.outcome != _LEFT_OUT)
 
 
 _LEFT_OUT = "left out"
