@@ -7,12 +7,13 @@ help: ## this list
 
 .PHONY: help demo test bytecode test-long drives test-pages test-live lint bench fuzz train train-trial pictures system-packages lock clean
 
-# Needs the rig only; where everything is set up for development, that serves as well.
+# Needs the rig only; where everything is set up for development, that serves as well. What a busy
+# machine leaves INVALID (3) keeps nobody from the rest.
 demo: $(if $(wildcard .venv/ready),.venv/ready,.venv/rig-ready) ## the main jobs: four cars, a replay, a platoon, shared sensing
-	$(PYTHON) -m sim_rig run fig4
+	$(PYTHON) -m sim_rig run fig4 || [ $$? -eq 3 ]
 	$(PYTHON) -m onboard replay out/fig4-live/box/red --expect
 	$(PYTHON) -m sim_rig run platoon --virtual
-	$(PYTHON) -m sim_rig run shared-detection
+	$(PYTHON) -m sim_rig run shared-detection || [ $$? -eq 3 ]
 
 # While one core checks the types, the other compiles: else each worker of pytest compiles all tests,
 # and each daemon that a test starts compiles itself. What cannot be imported, the tests tell.
