@@ -92,7 +92,8 @@ def card(page: Page, car: str, part: str) -> str:
 
 
 def test_a_jump_to_a_warning_shows_all_cars_at_that_time(page: Page) -> None:
-    page.click("#earlier-warning")
+    page.click("#earlier-warning")  # of the vehicle ahead, by red's camera
+    page.click("#earlier-warning")  # of the group
 
     expect(page.locator("#pause")).to_have_text("Resume")
     expect(page.locator('[data-car="blue"].card .notes')).to_have_text("lcca")
