@@ -21,7 +21,7 @@ from onboard.vision.plates import MIN_PX
 from onboard.vision.vehicle_track import BEARING_SIGMA, SIZE_SIGMA
 from sim_rig.cars.camera_projection import CameraProjection
 from sim_rig.cars.camera_view import LENS
-from sim_rig.cars.gauss_markov import GaussMarkov
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.cars.plate_readings import PlateReadings
 from sim_rig.rendering.scene import SceneCar
 
@@ -89,7 +89,7 @@ class CameraTrack:
         self._projection = projection
         self._rng = rng
         self._period_s = 1 / rate_hz
-        self._process = GaussMarkov(self._period_s, CORRELATION_S)
+        self._times = self._period_s / CORRELATION_S
         self._lag = math.exp(-self._period_s / CLOSING_LAG_S)
         self._posterior = PlatePosterior()
         self._read_at = -math.inf
@@ -150,7 +150,7 @@ class CameraTrack:
         """
         # The number of draws is constant, so that settings do not change other cars' errors.
         fresh = self._rng.standard_normal(len(self._errors))
-        self._errors = self._process.advanced(self._errors, fresh)
+        self._errors = wandered(self._errors, 1.0, self._times, fresh)
         self._plate.advance()
         width_px = self._projection.plate_width_px(car)
         if NormalDist().cdf(self._errors[3]) >= _detection_probability(car, width_px):

@@ -1,23 +1,19 @@
-"""Errors that change slowly: a first-order Gauss-Markov process of constant variance."""
+"""Errors and speeds that change slowly: a first-order Gauss-Markov process of constant variance."""
 
 import math
 
 from onboard.kinematics.arrays import Array
 
 
-class GaussMarkov:
-    """How such errors go on from one instant to the next."""
+def wandered(values: Array, sigmas: Array | float, times: float, draws: Array) -> Array:
+    """Return the values of such a process (Ornstein-Uhlenbeck) after so many of its times.
 
-    def __init__(self, period_s: float, correlation_s: float) -> None:
-        """Take the time between two instants, and that in which the correlation falls to 1/e."""
-        self._kept = math.exp(-period_s / correlation_s)
-        self._renewed = math.sqrt(1.0 - self._kept**2)
-
-    def advanced(self, errors: Array, fresh: Array) -> Array:
-        """Return the errors at the next instant.
-
-        Args:
-            errors: the present ones.
-            fresh: as many independent ones, drawn from the same distribution.
-        """
-        return self._kept * errors + self._renewed * fresh
+    Args:
+        values: the present ones.
+        sigmas: their deviations; 1 if those of `draws` are the values' own.
+        times: the time that passes, by that in which the correlation falls to 1/e.
+        draws: as many independent ones of the normal distribution.
+    """
+    keep = math.exp(-times)
+    result: Array = keep * values + math.sqrt(1.0 - keep**2) * sigmas * draws
+    return result

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from onboard.kinematics.arrays import Array
-from sim_rig.cars.gauss_markov import GaussMarkov
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.cars.nmea_sentences import Fix, sentences
 from sim_rig.roads.earth import ORIGIN_HEIGHT_M, to_degrees
 from sim_rig.roads.road import CarState
@@ -49,7 +49,7 @@ class GnssReceiver:
         self._fixes = math.ceil(utc_offset_s * settings.rate_hz)
         """Number of the next fix, counted from 1970."""
         self._bias_m = self._fresh_m()
-        self._process = GaussMarkov(1.0 / settings.rate_hz, settings.bias_time_s)
+        self._times = 1.0 / settings.rate_hz / settings.bias_time_s
 
     def skip_to(self, now: float) -> None:
         """Make no fix before `now`."""
@@ -65,7 +65,7 @@ class GnssReceiver:
             return b""
         at, self._fixes = self._fix_at, self._fixes + 1
         settings, noise = self._settings, self._rng.standard_normal(5)
-        self._bias_m = self._process.advanced(self._bias_m, self._fresh_m())
+        self._bias_m = wandered(self._bias_m, 1.0, self._times, self._fresh_m())
         state = self._state_at(at)
         if state is None:
             return b""

@@ -18,7 +18,7 @@ from onboard.observations import PlateCandidate
 from onboard.vision.look_alikes import folded
 from onboard.vision.plate_reader import ALPHABET
 from sim_rig.cars.camera_view import FPS
-from sim_rig.cars.gauss_markov import GaussMarkov
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.cars import Array
 
 CHARACTERS = "".join(character for character in ALPHABET if character not in "OI")
@@ -53,7 +53,7 @@ class PlateReadings:
             rate_hz: frames a second.
         """
         self._rng = rng
-        self._process = GaussMarkov(1 / rate_hz, CORRELATION_S)
+        self._times = 1 / rate_hz / CORRELATION_S
         self._legibility = math.exp(SPREAD * rng.standard_normal())
         self._lasting = rng.standard_normal((LENGTH, len(CHARACTERS)))
         self._passing = rng.standard_normal((LENGTH, len(CHARACTERS)))
@@ -61,7 +61,7 @@ class PlateReadings:
     def advance(self) -> None:
         """Go on to the next frame, with the same number of draws whether it is read or not."""
         fresh = self._rng.standard_normal(self._passing.shape)
-        self._passing = self._process.advanced(self._passing, fresh)
+        self._passing = wandered(self._passing, 1.0, self._times, fresh)
 
     def read(self, text: str, width_px: float) -> tuple[PlateCandidate, ...]:
         """Read a plate in the present frame.

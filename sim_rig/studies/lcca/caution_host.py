@@ -28,9 +28,9 @@ from onboard.risk.settings import RiskSettings
 from onboard.risk.situation import Situation
 from onboard.sensors.host_state import HostState
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.cars import Array
 from sim_rig.roads.earth import to_degrees
-from sim_rig.studies.lcca.sparse_road import wandered
 
 BIAS_S = 60.0
 """For how long a receiver's error lasts."""

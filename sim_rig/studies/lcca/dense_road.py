@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.car_following import COMFORTABLE_M_S2, CarFollowing, idm_acceleration
 from sim_rig.roads.cars import Array
 from sim_rig.studies.lcca.sparse_road import (
@@ -17,7 +18,6 @@ from sim_rig.studies.lcca.sparse_road import (
     LENGTH_M,
     SWAY_M_S2,
     SWAY_S,
-    wandered,
 )
 
 LANES, CARS = 3, 40

@@ -22,6 +22,7 @@ from onboard.lcca.position_match import REFERENCE_M
 from onboard.messages.lcca import NAME_BYTES, Answer, Inquiry
 from onboard.settings import Settings
 from sim_rig.cars.camera_view import FPS
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
@@ -163,9 +164,9 @@ class _Traffic:
 
     def advance(self, seconds: float) -> None:
         """Let all speeds wander (Ornstein-Uhlenbeck, 8 and 10 s)."""
-        keep, slow = math.exp(-seconds / 8.0), math.exp(-seconds / 10.0)
         noise = self._rng.standard_normal(len(self._own_m_s))
-        self._own_m_s = keep * self._own_m_s + 0.7 * math.sqrt(1 - keep**2) * noise
+        self._own_m_s = wandered(self._own_m_s, 0.7, seconds / 8.0, noise)
+        slow = math.exp(-seconds / 10.0)
         fresh = 2.0 * math.sqrt(1 - slow**2) * float(self._rng.standard_normal())
         self._stream_m_s = slow * self._stream_m_s + fresh
         stream_m_s = np.where(self._in_stream, 20.0 + self._stream_m_s, 0.0)

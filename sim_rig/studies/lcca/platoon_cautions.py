@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.cars import Array
 from sim_rig.scenario.setting_types import NotNegative
 from sim_rig.studies.lcca.caution_host import CautionHost, Receivers, State, shown
 from sim_rig.studies.lcca.dense_road import WAVES
-from sim_rig.studies.lcca.sparse_road import SWAY_M_S2, SWAY_S, wandered
+from sim_rig.studies.lcca.sparse_road import SWAY_M_S2, SWAY_S
 
 Cautions = Literal["off", "motion", "known"] | NotNegative
 """How cars know that a braking car is ahead: not at all; by its motion; always, which no car can;

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.car_following import COMFORTABLE_M_S2, CarFollowing, idm_acceleration
 from sim_rig.roads.cars import Array
 
@@ -92,10 +93,3 @@ class SparseRoad:
 
 def _shares(weights: tuple[float, ...]) -> list[float]:
     return [each / sum(weights) for each in weights]
-
-
-def wandered(values: Array, sigmas: Array | float, times: float, draws: Array) -> Array:
-    """Go on with an Ornstein-Uhlenbeck process for so many of its times."""
-    keep = math.exp(-times)
-    result: Array = keep * values + math.sqrt(1.0 - keep**2) * sigmas * draws
-    return result

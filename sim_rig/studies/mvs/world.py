@@ -27,9 +27,9 @@ from onboard.sensors.host_state import HostState
 from onboard.tracking.evidence import Measurement, measurement_id
 from onboard.tracking.tracks import DEFAULTS, TrackingParameters
 from onboard.vehicle.shared_sensing import SharedSensing
+from sim_rig.cars.gauss_markov import wandered
 from sim_rig.roads.cars import Array, Cars, Traffic
 from sim_rig.roads.line_of_sight import Blocked
-from sim_rig.studies.lcca.sparse_road import wandered
 from sim_rig.studies.mvs.ranging_sensor import RangingSensor
 from sim_rig.studies.mvs.sampled_bus import TICK_S, SampledBus
 from sim_rig.studies.mvs.world_settings import WorldSettings
