@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -68,9 +69,12 @@ def _work(work: CameraWork, connection: Connection) -> None:
     lower_thread_priority(NICENESS)  # now that no one waits for it
     while (memory_bytes := resident_bytes()) <= MOST_MEMORY_BYTES:
         frame = source.next_frame()
-        connection.send(
-            Seen() if frame is None else observer.receive_frame(frame.image, frame.stamp_s)
-        )
+        if frame is None:
+            connection.send(Seen())
+            continue
+        started_s = time.monotonic()
+        connection.send(observer.receive_frame(frame.image, frame.stamp_s))
+        observer.receive_duration(time.monotonic() - started_s)
     raise UserError(f"out of memory: {memory_bytes / 2**20:.0f} MiB")
 
 

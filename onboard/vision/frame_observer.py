@@ -24,6 +24,10 @@ class FrameObserver:
         """Take the curvature of the vehicle's path, for the next frame; from any thread."""
         self._curvature = curvature
 
+    def receive_duration(self, took_s: float) -> None:
+        """Take how long the last frame took."""
+        self._perception.receive_duration(took_s)
+
     def receive_frame(self, image: Image, stamp_s: float) -> Seen:
         """Process one frame; an empty image is one that did not decode."""
         self._perception.receive_curvature(self._curvature)

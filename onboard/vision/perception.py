@@ -82,6 +82,10 @@ class Perception:
         """Take the curvature of the vehicle's path: the lead is the vehicle on it."""
         self._lane_watch.lane.receive_curvature(curvature)
 
+    def receive_duration(self, took_s: float) -> None:
+        """Take how long the last frame took: after a search that took long, the next one waits."""
+        self._schedule.receive_duration(took_s)
+
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Process one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
         self.vehicles = ()

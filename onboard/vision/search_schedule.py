@@ -19,6 +19,9 @@ OTHERS_PERIOD_S = 0.19
 second at 15 or 30 frames."""
 
 
+SEARCH_SHARE, LONGEST_CYCLE_S = 1 / 3, 2.0
+"""Share of the time that searches for what is new may take, and the longest time from one of them
+to the next: what is followed has the rest of a processor that is slow, or that others have too."""
 MAX_REARS_PER_FRAME = 2
 """Rears around which vehicles are searched in one frame, those straight ahead first."""
 REAR_PLATES, REAR_SHAPE, PLATE_DOWN = 3.5, 0.85, 0.6
@@ -38,11 +41,19 @@ class SearchSchedule:
         """
         self._parameters = parameters
         self._finds_vehicles = finds_vehicles
-        self._searched_at = self._vehicles_at = self._rears_at = -math.inf
+        self.reset()
 
     def reset(self) -> None:
         """Forget what was searched: the next frame is of another drive."""
         self._searched_at = self._vehicles_at = self._rears_at = -math.inf
+        self._latest_search: float | None = None
+        self._rests_until = -math.inf
+
+    def receive_duration(self, took_s: float) -> None:
+        """Take how long the last frame took, from its plan on."""
+        if self._latest_search is not None:
+            cycle_s = min(took_s / SEARCH_SHARE, LONGEST_CYCLE_S)
+            self._rests_until = self._latest_search + cycle_s
 
     def next_plan(
         self,
@@ -61,9 +72,10 @@ class SearchSchedule:
         """
         stamp_s = frame.stamp_s
         urgent = [each for each in (lead, *entering) if each is not None]
+        self._latest_search = None
         vehicles = self._vehicle_search(frame, tracks, lead, urgent)
         if frame.is_cut or self._are_plates_due(lead, stamp_s):
-            self._searched_at = stamp_s
+            self._searched_at = self._latest_search = stamp_s
             # After a cut, the tracks' regions show something else.
             known = () if frame.is_cut else (self._region(each, urgent, stamp_s) for each in tracks)
             looks_ahead = vehicles.looks_ahead or not self._finds_vehicles
@@ -86,15 +98,17 @@ class SearchSchedule:
         if not self._finds_vehicles:
             return SearchPlan()
         stamp_s = frame.stamp_s
-        if frame.is_cut or stamp_s - self._vehicles_at >= self._vehicles_period_s(lead):
-            self._vehicles_at = self._rears_at = stamp_s
+        if frame.is_cut or self._is_due(self._vehicles_at, self._vehicles_period_s(lead), stamp_s):
+            self._vehicles_at = self._rears_at = self._latest_search = stamp_s
             return SearchPlan(vehicles=True, finds_vehicles=True, looks_ahead=True)
-        if stamp_s - self._rears_at < self._rears_period_s(lead):
+        if not self._is_due(self._rears_at, self._rears_period_s(lead), stamp_s):
             return SearchPlan(finds_vehicles=True)
         self._rears_at = stamp_s
         unsure = [each for each in tracks if _is_unsure(each, urgent)]
         unsure.sort(key=lambda track: (track not in urgent, abs(track.right.position_m)))
         rears = tuple(_rear(each) for each in unsure[:MAX_REARS_PER_FRAME])
+        if rears:
+            self._latest_search = stamp_s
         return SearchPlan(rears=rears, finds_vehicles=True, looks_ahead=True)
 
     def _due(
@@ -112,16 +126,21 @@ class SearchSchedule:
 
         Where the lead has a plate, the frame is searched for plates and for vehicles in turn.
         """
-        parameters, since_s = self._parameters, stamp_s - self._searched_at
+        parameters = self._parameters
         if not self._finds_vehicles:
             is_free = lead is None
-            return since_s >= (
+            period_s = (
                 parameters.search_period_without_lead_s if is_free else parameters.search_period_s
             )
+            return self._is_due(self._searched_at, period_s, stamp_s)
         is_in_turn = not _has_plate(lead) or (
             stamp_s - self._vehicles_at >= parameters.search_period_s
         )
-        return is_in_turn and since_s >= parameters.seldom_period_s
+        return is_in_turn and self._is_due(self._searched_at, parameters.seldom_period_s, stamp_s)
+
+    def _is_due(self, latest_s: float, period_s: float, stamp_s: float) -> bool:
+        """Whether a period is over, and the pause after the search before, too."""
+        return stamp_s - latest_s >= period_s and stamp_s >= self._rests_until
 
     def _vehicles_period_s(self, lead: VehicleTrack | None) -> float:
         """Between two searches of the whole frame: one without a plate is found by them only."""

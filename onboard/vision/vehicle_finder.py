@@ -42,19 +42,35 @@ class VehicleFinder:
         self._streets = StreetNetwork(least_score=single)
         self._least_score = least_score
 
-    def find(self, image: npt.NDArray[np.uint8], rear: ImageBox | None = None) -> list[VehicleBox]:
+    def find(
+        self,
+        image: npt.NDArray[np.uint8],
+        rear: ImageBox | None = None,
+        most_scale: float = math.inf,
+    ) -> list[VehicleBox]:
         """Vehicles in an image, highest score first.
 
         Args:
             image: (h, w, 3), BGR.
             rear: a vehicle's; only what is around it is searched. `None` searches all.
+            most_scale: to which the image is enlarged, or from which on it is reduced, at most.
         """
+        height, width = image.shape[:2]
+        scales = min(input_scale(width, height), most_scale), min(WIDTH_PX / width, most_scale)
         if rear is not None:
-            return self._find_around(image, rear)
-        found = merged(self._photographs.find(image), self._streets.find(image))
+            return self._find_around(image, rear, scales)
+        return self._found(image, scales)
+
+    def _found(self, image: npt.NDArray[np.uint8], scales: tuple[float, float]) -> list[VehicleBox]:
+        of_photographs, of_streets = scales
+        found = merged(
+            self._photographs.find(image, of_photographs), self._streets.find(image, of_streets)
+        )
         return [vehicle for vehicle in found if vehicle.score >= self._least_score]
 
-    def _find_around(self, image: npt.NDArray[np.uint8], rear: ImageBox) -> list[VehicleBox]:
+    def _find_around(
+        self, image: npt.NDArray[np.uint8], rear: ImageBox, scales: tuple[float, float]
+    ) -> list[VehicleBox]:
         height, width = image.shape[:2]
         left = max(0, int(rear.x_px - _BESIDE * rear.w_px))
         right = min(width, int(rear.x_px + (1 + _BESIDE) * rear.w_px) + 1)
@@ -63,10 +79,6 @@ class VehicleFinder:
         part = image[top : max(top, bottom), left : max(left, right)]
         if part.size == 0:
             return []
-        found = merged(
-            self._photographs.find(part, input_scale(width, height)),
-            self._streets.find(part, WIDTH_PX / width),
-        )
         inner = (
             _INNER_PX if left > 0 else -math.inf,
             _INNER_PX if top > 0 else -math.inf,
@@ -75,8 +87,8 @@ class VehicleFinder:
         )
         return [
             _moved(vehicle, left, top)
-            for vehicle in found
-            if vehicle.score >= self._least_score and _is_inside(vehicle.box, inner)
+            for vehicle in self._found(part, scales)
+            if _is_inside(vehicle.box, inner)
         ]
 
 

@@ -1,5 +1,7 @@
 """When all of the image is searched, and for what, where vehicles are found as such."""
 
+import math
+
 import numpy as np
 import pytest
 from typing_extensions import override
@@ -30,15 +32,17 @@ class GivenVehicles(VehicleFinder):
 
     def __init__(self, *boxes: ImageBox) -> None:
         self.searches = self.around_rears = 0
-        self._found = [
+        self._given = [
             VehicleBox(box, (box.x_px, box.x_px + box.w_px), VehicleKind.CAR, 0.9) for box in boxes
         ]
 
     @override
-    def find(self, image: Image, rear: ImageBox | None = None) -> list[VehicleBox]:
+    def find(
+        self, image: Image, rear: ImageBox | None = None, most_scale: float = math.inf
+    ) -> list[VehicleBox]:
         self.searches += rear is None
         self.around_rears += rear is not None
-        return self._found
+        return self._given
 
 
 class NoPlates:
@@ -75,11 +79,13 @@ class OnePlate(NoPlates):
         return [PlateText(OURS, 0.99, 0.99, (PlateCandidate(OURS, 0.99),)) for _ in plates]
 
 
+def perception(vehicles: GivenVehicles, plates: NoPlates) -> Perception:
+    networks = Networks(plates, plates, vehicles)
+    return Perception(CAMERA, VisionSettings(tag_dictionary=None), networks)
+
+
 def watched(vehicles: GivenVehicles, plates: NoPlates) -> Observed:
-    perception = Perception(
-        CAMERA, VisionSettings(tag_dictionary=None), Networks(plates, plates, vehicles)
-    )
-    return observe(perception, frames(lambda _: Scene(), DURATION_S))
+    return observe(perception(vehicles, plates), frames(lambda _: Scene(), DURATION_S))
 
 
 def test_on_a_free_road_vehicles_are_searched_twice_as_often_as_plates() -> None:
@@ -125,3 +131,25 @@ def test_all_of_the_image_is_searched_for_plates_and_vehicles_in_turn_behind_a_p
     everywhere = len(plates.regions) / DURATION_S
     assert 0.75 <= vehicles.searches / DURATION_S <= 1.5
     assert 0.75 <= everywhere <= 1.5
+
+
+@pytest.mark.parametrize(
+    ("took_s", "searches"), [(0.05, 8), (0.4, 4), (60.0, 2)], ids=["fast", "slow", "suspended"]
+)
+def test_searches_take_a_third_of_the_time_and_one_comes_every_2_s_at_least(
+    took_s: float, searches: int
+) -> None:
+    """Of a processor that others take, what is followed keeps two thirds."""
+    vehicles, plates = GivenVehicles(), NoPlates()
+    watching, free_at = perception(vehicles, plates), 0.0
+    for stamp_s, image in frames(lambda _: Scene(), DURATION_S):
+        if stamp_s < free_at:
+            continue  # of a live camera the newest frame is taken
+        before = vehicles.searches, len(plates.regions)
+        watching.receive_frame(image, stamp_s)
+        is_search = before != (vehicles.searches, len(plates.regions))
+        busy_s = took_s if is_search else 0.0
+        watching.receive_duration(busy_s)
+        free_at = stamp_s + min(busy_s, 0.5)
+
+    assert vehicles.searches == pytest.approx(searches, abs=0.5)

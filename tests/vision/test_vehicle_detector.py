@@ -1,5 +1,6 @@
 """Distance of vehicles by the shipped detector: by width, ground contact, and both."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from onboard.vision.detection import Detection, SearchPlan
 from onboard.vision.perspective import Perspective, RoadPosition
 from onboard.vision.settings import CameraSettings
 from onboard.vision.vehicle_detector import LONG_SHAPE, WIDTHS_M, VehicleDetector
-from onboard.vision.vehicle_finder import VehicleFinder
+from onboard.vision.vehicle_finder import VehicleFinder, overlap
 from onboard.vision.vehicle_network import VehicleBox, VehicleKind
 from sim_rig.rendering.scene import CameraRenderer, Scene, SceneCar
 from tests.vision.drive import CAMERA
@@ -25,9 +26,13 @@ class _Finder(VehicleFinder):
 
     def __init__(self, vehicles: list[VehicleBox]) -> None:
         self.vehicles = vehicles
+        self.most_scale = math.inf
 
     @override
-    def find(self, image: np.ndarray, rear: ImageBox | None = None) -> list[VehicleBox]:
+    def find(
+        self, image: np.ndarray, rear: ImageBox | None = None, most_scale: float = math.inf
+    ) -> list[VehicleBox]:
+        self.most_scale = most_scale
         return self.vehicles
 
 
@@ -152,3 +157,22 @@ def test_the_network_runs_only_when_the_image_or_what_is_around_a_rear_is_search
     assert detector.find(_IMAGE, SearchPlan(tracked=())) == []
     assert len(detector.find(_IMAGE, SearchPlan(vehicles=True))) == 1
     assert len(detector.find(_IMAGE, SearchPlan(rears=(vehicle.box, vehicle.box)))) == 1
+
+
+@pytest.mark.parametrize("focal_px", [800.0, 1600.0, 4000.0])
+def test_networks_see_a_car_60_m_ahead_40_px_wide_at_most(focal_px: float) -> None:
+    finder = _Finder([])
+    lens = CAMERA.model_copy(update={"focal_x_px": focal_px, "focal_y_px": focal_px})
+    VehicleDetector(finder, Perspective(lens)).find(_IMAGE, SearchPlan(vehicles=True))
+
+    assert finder.most_scale * focal_px * 1.8 / 60.0 == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("most_scale", [0.5, 0.9])
+def test_a_vehicle_is_found_in_a_reduced_image_at_the_same_place(most_scale: float) -> None:
+    image = CameraRenderer(CAMERA).draw(Scene((SceneCar(15.0),)), np.random.default_rng(1))
+    finder = VehicleFinder()
+    (whole,) = finder.find(image)
+    (reduced,) = finder.find(image, most_scale=most_scale)
+
+    assert overlap(whole.box, reduced.box) > 0.8
