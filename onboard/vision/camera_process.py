@@ -26,7 +26,8 @@ OPENED_WITHIN_S = 30.0
 
 SILENT_S = 5.0
 """Silence after which the process is ended: it answers each frame, and the lack of one after
-`onboard.vision.live_frames.TIMEOUT_S`."""
+`onboard.vision.live_frames.TIMEOUT_S`. Of one that is started again before any answer it is twice
+that of the one before, up to `OPENED_WITHIN_S`: a processor may be as busy as that."""
 
 RESTART_S = (0.1, 2.0)
 """Pause before the first restart, and the longest before later ones."""
@@ -66,6 +67,7 @@ class CameraProcess:
         self._restarting = threading.Lock()
         self._worker = worker
         self._is_lost = False
+        self._silent_s = SILENT_S
         self._curvature: Curvature | None = None
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
@@ -76,7 +78,7 @@ class CameraProcess:
     def spawn(self) -> None:
         """Let the process open the camera while the caller goes on."""
         if self._worker is None:
-            self._worker = CameraWorker()
+            self._worker = CameraWorker(self._silent_s)
         self._worker.send(self._work)
 
     def start(self) -> None:
@@ -104,20 +106,24 @@ class CameraProcess:
 
     def _run(self) -> None:
         pause_s, longest_s = RESTART_S
-        worker = self._worker
+        worker, is_open = self._worker, True
         while worker is not None:
             try:
+                if not is_open:
+                    worker.wait_for(OPENED_WITHIN_S)
                 while True:
                     seen = worker.next_seen()
                     worker.send(self._curvature)
                     self._pass_on(seen)
-                    pause_s = RESTART_S[0] if seen.events else pause_s
+                    if seen.events:
+                        pause_s, self._silent_s = RESTART_S[0], SILENT_S
             except _WorkerEndedError as ended:
                 worker.end()
                 self._report_lost(str(ended))
             self._closed.wait(pause_s)
             pause_s = min(2 * pause_s, longest_s)
-            worker = self._restarted()
+            self._silent_s = min(2 * self._silent_s, OPENED_WITHIN_S)
+            worker, is_open = self._restarted(), False
 
     def _pass_on(self, seen: Seen) -> None:
         if seen.events:
@@ -148,12 +154,17 @@ class _WorkerEndedError(Exception):
 class CameraWorker:
     """One process, and the socket to it; the process ends with the socket."""
 
-    def __init__(self) -> None:
-        """Start the process, which imports for a second, and then waits for its work."""
+    def __init__(self, silent_s: float = SILENT_S) -> None:
+        """Start the process, which imports for a second, and then waits for its work.
+
+        Args:
+            silent_s: silence after which `next_seen` takes it for ended.
+        """
+        self._silent_s = silent_s
         own, given = socket.socketpair()
         with own, given:
             # Also within a message: a stopped process may have sent half of one.
-            own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(SILENT_S))
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(silent_s))
             self._process = subprocess.Popen(  # noqa: S603 (this program)
                 [sys.executable, "-P", "-m", "onboard.vision.camera_worker", str(given.fileno())],
                 stdin=subprocess.DEVNULL,
@@ -185,7 +196,7 @@ class CameraWorker:
         try:
             message: Seen | str = self._connection.recv()
         except BlockingIOError:
-            raise _WorkerEndedError(f"process silent for {SILENT_S:g} s") from None
+            raise _WorkerEndedError(f"process silent for {self._silent_s:g} s") from None
         except (EOFError, OSError):
             raise _WorkerEndedError("process ended") from None
         if isinstance(message, str):

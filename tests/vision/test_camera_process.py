@@ -226,6 +226,19 @@ def test_a_camera_that_is_lost_for_good_is_reported_once(
 
 
 @pytest.mark.long
+def test_a_busy_processor_ends_no_process_again_and_again(
+    run: Run, stream: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a process that is started again, imports and the first picture take as long as they do."""
+    monkeypatch.setattr(camera_process, "SILENT_S", 0.5 / FPS)
+    running = run(work(stream))
+    running.camera.start()
+    running.until_lead()
+
+    assert all(reason.startswith("process silent for 0.0") for reason in running.losses)
+
+
+@pytest.mark.long
 def test_where_no_process_can_be_started_it_is_tried_again(
     run: Run, stream: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
