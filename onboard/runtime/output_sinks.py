@@ -1,6 +1,7 @@
 """The output sinks of the daemon, which no core reads: journal, files, page, live interface."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -42,12 +43,17 @@ LOGGED_KINDS = frozenset(
 )
 """Kinds of events for the journal; the trace has all."""
 
+FLUSH_S = 0.1
+"""Time for which lines and frames gather: a write of each would be a quarter of the loop's work."""
+
 
 class OutputSinks:
     """The output sinks of one vehicle: the journal and, if configured, the others."""
 
     def __init__(self) -> None:
         """Start with the journal only."""
+        self._files: list[TraceFile] = []
+        self._flushed_at = -math.inf
         self._trace: TraceFile | None = None
         self._capture: PcapWriter | None = None
         self._page: DriverPage | None = None
@@ -67,10 +73,12 @@ class OutputSinks:
         if path is None:
             return None
         try:
-            return edges.enter_context(TraceFile(path, partial(self.report_failure, use)))
+            file = edges.enter_context(TraceFile(path, partial(self.report_failure, use)))
         except OSError as error:
             self.report_failure(use, f"{path}: {error.strerror}")
             return None
+        self._files.append(file)
+        return file
 
     def report_failure(self, use: FileUse, reason: str) -> None:
         """Report a file that cannot be written; the vehicle drives on without it."""
@@ -144,13 +152,20 @@ class OutputSinks:
         self._write(event)
 
     def show_step(self, events: Sequence[Event], now: float) -> None:
-        """Show the driver what a step has put out, and a view if one is due; then write it."""
+        """Show the driver what a step has put out, and a view if one is due; then write it.
+
+        What is written is in the files after `FLUSH_S`, by a step of then.
+        """
         if self._page is not None:
             for event in events:
                 self._page.receive_event(event)
             self._page.show(now)
         for event in events:
             self._write(event)
+        if now - self._flushed_at >= FLUSH_S:
+            self._flushed_at = now
+            for file in self._files:
+                file.flush()
 
     def _write(self, event: Event) -> None:
         """Write an event to trace, live interface and journal."""

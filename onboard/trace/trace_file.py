@@ -11,7 +11,7 @@ from typing_extensions import Buffer, override
 
 
 class TraceFile(io.FileIO):
-    """Unbuffered file; after the first error nothing more is written."""
+    """What is written gathers until `flush`; after the first error nothing more is written."""
 
     def __init__(self, path: Path, on_failure: Callable[[str], None]) -> None:
         """Create the file, or truncate it; only its owner may read it, since it has plates.
@@ -26,17 +26,31 @@ class TraceFile(io.FileIO):
         super().__init__(path, "wb", opener=_open_private)
         self._on_failure = on_failure
         self._has_failed = False
+        self._pending = bytearray()
 
     @override
     def write(self, data: Buffer, /) -> int:
         if self._has_failed:
             return 0
+        before = len(self._pending)
+        self._pending += data
+        return len(self._pending) - before
+
+    @override
+    def flush(self) -> None:
         try:
-            return super().write(data)
+            while self._pending:
+                del self._pending[: super().write(self._pending)]
         except OSError as error:
             self._has_failed = True
+            self._pending.clear()
             self._on_failure(f"{self.name!s}: {error.strerror}")
-            return 0
+
+    @override
+    def close(self) -> None:
+        if not self.closed:
+            self.flush()
+        super().close()
 
 
 def _open_private(path: str, flags: int) -> int:

@@ -38,7 +38,21 @@ def test_a_trace_that_others_could_read_is_theirs_no_more(tmp_path: Path) -> Non
 def test_a_full_disk_ends_the_file_and_is_reported_once() -> None:
     reasons: list[str] = []
     with TraceFile(Path("/dev/full"), reasons.append) as trace:
-        assert trace.write(b"{}") == 0
-        assert trace.write(b"{}") == 0
+        for _ in range(2):
+            trace.write(b"{}")
+            trace.flush()
 
     assert reasons == ["/dev/full: No space left on device"]
+
+
+def test_lines_gather_until_they_are_flushed_or_the_file_is_closed(tmp_path: Path) -> None:
+    path = tmp_path / "trace.jsonl"
+    with TraceFile(path, print) as trace:
+        trace.write(b"1\n")
+        trace.write(b"2\n")
+        before = path.read_text()
+        trace.flush()
+        flushed = path.read_text()
+        trace.write(b"3\n")
+
+    assert (before, flushed, path.read_text()) == ("", "1\n2\n", "1\n2\n3\n")
