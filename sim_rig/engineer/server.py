@@ -23,7 +23,7 @@ from onboard.vision.mjpeg import MjpegParts
 from sim_rig.engineer.image_store import ImageStore
 from sim_rig.engineer.run_view import RunView
 from sim_rig.run_log.latency_ledger import ledger
-from sim_rig.run_log.run_log import Record
+from sim_rig.run_log.trace_reader import TraceReader
 from sim_rig.scenario.car_config import names_by_id
 from sim_rig.scenario.schema import Scenario, load_scenario
 
@@ -33,26 +33,6 @@ READ_S = 0.2
 LEDGER_S = 1.0
 MAX_ENTRIES = 5000
 """Limit of one response; the page requests the rest."""
-
-
-class TraceReader:
-    """Reads the lines that were added to a trace since the last call."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._read = 0
-
-    def records(self) -> list[Record]:
-        """Return the new records; an incomplete last line is left for the next call."""
-        if not self._path.exists():
-            self._read = 0  # a daemon that is started anew begins a new one
-            return []
-        with self._path.open("rb") as trace:
-            trace.seek(self._read)
-            data = trace.read()
-        complete = data[: data.rfind(b"\n") + 1]
-        self._read += len(complete)
-        return [json.loads(line) for line in complete.splitlines()]
 
 
 class EngineerServer:

@@ -2,7 +2,7 @@
 
 import shutil
 import socket
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import yaml
@@ -12,6 +12,7 @@ from sim_rig.processes.gpsd import start_gpsd
 from sim_rig.processes.processes import Processes
 from sim_rig.processes.wrong_clock import START_FILE
 from sim_rig.run_log.run_log import Record, read_trace
+from sim_rig.run_log.trace_reader import TraceReader
 from sim_rig.scenario.car_config import car_config, gnss_config
 from sim_rig.scenario.faults import WrongClock
 from sim_rig.scenario.schema import Scenario
@@ -46,19 +47,34 @@ class Daemons:
         self._processes = processes
         self._cuts: Counter[str] = Counter()
         """Power cuts of each car up to now."""
+        self._readers = {car: TraceReader(self._trace(car)) for car in scenario.equipped}
+        self._traced: defaultdict[str, set[str]] = defaultdict(set)
+        """Kinds of the records of each car up to its last call of `is_ready`."""
+        self._ports: set[int] = set()
+        """Given to a daemon, which may not have bound it yet."""
 
     def wires(self, camera_port: int) -> WireSettings:
         """Return wires of one car at free ports."""
         return WireSettings(
-            bus=BusWire(port=_free_port(socket.SOCK_STREAM)),
+            bus=BusWire(port=self._free_port(socket.SOCK_STREAM)),
             camera=CameraWire(port=camera_port),
             radio=RadioWire(
-                port=_free_port(socket.SOCK_DGRAM), box_port=_free_port(socket.SOCK_DGRAM)
+                port=self._free_port(socket.SOCK_DGRAM), box_port=self._free_port(socket.SOCK_DGRAM)
             ),
-            satellites=SatelliteWire(port=_free_port(socket.SOCK_DGRAM)),
-            detector=DetectorWire(port=_free_port(socket.SOCK_DGRAM)),
-            controller=ControllerWire(port=_free_port(socket.SOCK_DGRAM)),
+            satellites=SatelliteWire(port=self._free_port(socket.SOCK_DGRAM)),
+            detector=DetectorWire(port=self._free_port(socket.SOCK_DGRAM)),
+            controller=ControllerWire(port=self._free_port(socket.SOCK_DGRAM)),
         )
+
+    def _free_port(self, kind: socket.SocketKind) -> int:
+        """Return a free port, which the rig or the daemon binds soon after, and no other."""
+        while True:
+            with socket.socket(socket.AF_INET, kind) as probe:
+                probe.bind(("127.0.0.1", 0))
+                port = int(probe.getsockname()[1])
+            if port not in self._ports:
+                self._ports.add(port)
+                return port
 
     async def start(self, car: str, wires: WireSettings) -> str:
         """Start a daemon, without files of an earlier run, and return the address of its page.
@@ -66,12 +82,12 @@ class Daemons:
         Raises:
             ProcessError: the scenario needs gpsd, which is not installed.
         """
-        page_port = _free_port(socket.SOCK_STREAM)
+        page_port = self._free_port(socket.SOCK_STREAM)
         # Cars with equal seeds would have equal temporary IDs.
         seed = 1000 * self._seed + self._scenario.equipped.index(car)
         config = car_config(self._scenario, car, seed) | self._interfaces(car, wires, page_port)
         if self._scenario.gnss is not None and wires.satellites is not None:
-            gpsd_port = _free_port(socket.SOCK_STREAM)
+            gpsd_port = self._free_port(socket.SOCK_STREAM)
             assert wires.satellites.port is not None  # noqa: S101 (see `wires`)
             await start_gpsd(self._processes, car, gpsd_port, wires.satellites.port)
             config["gnss"] = gnss_config(self._scenario.gnss) | {"port": gpsd_port}
@@ -98,10 +114,10 @@ class Daemons:
 
     def is_ready(self, car: str) -> bool:
         """Whether the daemon of `car` is ready and receives its sensors."""
-        if not self._trace(car).exists():
-            return False
-        kinds = {record["kind"] for record in self.trace(car)}
-        return kinds >= _RECORDS_WHEN_READY | ({"position"} if self._scenario.gnss else set())
+        self._traced[car] |= {record["kind"] for record in self._readers[car].records()}
+        return self._traced[car] >= _RECORDS_WHEN_READY | (
+            {"position"} if self._scenario.gnss else set()
+        )
 
     def trace(self, car: str) -> list[Record]:
         """Return the trace of `car` up to now, of all starts of its daemon."""
@@ -173,10 +189,3 @@ class DaemonPower:
 def _of_start(file: Path, number: int) -> Path:
     """Name of a file that a daemon wrote from its start `number` to a power cut."""
     return file.with_stem(f"{file.stem}-{number}")
-
-
-def _free_port(kind: socket.SocketKind) -> int:
-    """Return a free port, which the rig or the daemon binds soon after."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

@@ -14,7 +14,7 @@ import pytest
 
 from sim_rig.engineer.image_store import ImageStore
 from sim_rig.engineer.run_view import RunView
-from sim_rig.engineer.server import EngineerServer, TraceReader
+from sim_rig.engineer.server import EngineerServer
 from sim_rig.run_log.latency_ledger import ledger
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.runs.virtual import run_virtual
@@ -110,19 +110,6 @@ def test_a_full_store_drops_the_oldest_images() -> None:
     assert images.at("red", 5.9) is None
     assert images.at("red", 7.0) == (7.0, bytes(30))
     assert images.at("blue", 9.0) == (8.0, bytes(30))
-
-
-def test_a_growing_trace_is_read_in_complete_lines(tmp_path: Path) -> None:
-    path = tmp_path / "red.jsonl"
-    reader = TraceReader(path)
-    assert reader.records() == []
-
-    path.write_text('{"kind":"speed","stamp_s":1}\n{"kind":"le')
-    assert [record["kind"] for record in reader.records()] == ["speed"]
-    assert reader.records() == []
-    with path.open("a") as trace:
-        trace.write('ad","stamp_s":2}\n')
-    assert [record["kind"] for record in reader.records()] == ["lead"]
 
 
 def test_the_server_returns_new_entries_and_any_image(scenario: Scenario, tmp_path: Path) -> None:
