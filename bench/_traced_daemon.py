@@ -67,12 +67,12 @@ def _note(
     function: Callable[..., Any] = getattr(owner, name)
 
     @wraps(function)
-    def noting(*args: Any) -> Any:
+    def noting(*args: Any, **named: Any) -> Any:
         if before:
             _passed[before] = time.monotonic()
         if checksum:
             _passed["checksum"] = zlib.crc32(args[-1])
-        result = function(*args)
+        result = function(*args, **named)
         if after:
             _passed[after] = time.monotonic()
         return result
