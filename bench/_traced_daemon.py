@@ -95,7 +95,9 @@ def _note_shown() -> None:
 class _NoCamera:
     """Reports the same lead at the rate of a camera."""
 
-    def __init__(self, _work: object, on_seen: Callable[[Seen], None]) -> None:
+    def __init__(
+        self, _work: object, on_seen: Callable[[Seen], None], _worker: object = None
+    ) -> None:
         self._on_seen = on_seen
         self._closed = threading.Event()
 
