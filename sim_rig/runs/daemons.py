@@ -49,7 +49,7 @@ class Daemons:
         """Power cuts of each car up to now."""
         self._readers = {car: TraceReader(self._trace(car)) for car in scenario.equipped}
         self._traced: defaultdict[str, set[str]] = defaultdict(set)
-        """Kinds of the records of each car up to its last call of `is_ready`."""
+        """Kinds of the records of each car up to its last call of `check_ready`."""
         self._ports: set[int] = set()
         """Given to a daemon, which may not have bound it yet."""
 
@@ -112,8 +112,8 @@ class Daemons:
         config_file = self._folder / f"{car}.yaml"
         await self._processes.start(car, *self._program(car), "run", str(config_file))
 
-    def is_ready(self, car: str) -> bool:
-        """Whether the daemon of `car` is ready and receives its sensors."""
+    def check_ready(self, car: str) -> bool:
+        """Read on in the trace of `car`, and return whether it is ready and receives its sensors."""
         self._traced[car] |= {record["kind"] for record in self._readers[car].records()}
         return self._traced[car] >= _RECORDS_WHEN_READY | (
             {"position"} if self._scenario.gnss else set()

@@ -341,7 +341,7 @@ class LiveTestbench:
         """Wait until every daemon is ready and receives its sensors, and every box, too."""
         began_at = time.monotonic()
         waiting = self._processed
-        while waiting := [car for car in waiting if not self._daemons.is_ready(car)]:
+        while waiting := [car for car in waiting if not self._daemons.check_ready(car)]:
             if time.monotonic() > began_at + _READY_WITHIN_S:
                 raise ProcessError(
                     f"not ready after {_READY_WITHIN_S:g} s: {', '.join(waiting)};"
