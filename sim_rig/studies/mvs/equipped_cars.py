@@ -34,7 +34,7 @@ class IssuedWarning(NamedTuple):
     position_m: Array
     """(2) of that vehicle, as the warned car takes it."""
     right: bool
-    """Whether the event has changed the motion of one of the two."""
+    """Whether the event has changed the motion of one of the two, or they crash without radios."""
 
 
 class EquippedCars:
@@ -188,13 +188,21 @@ class EquippedCars:
         self._outcome.paper_alarm_false += self._paper_alarm.refresh(name, now) and not right
 
     def _is_right(self, cars: Cars, name: str, target_m: Array) -> bool:
-        """Whether the event has changed the motion of a warned car or of the one at `target_m`."""
+        """Whether the event has changed the motion of a warned car or of the one at `target_m`.
+
+        Or they are the two that crash without radios: who runs a light is seen to drive too fast
+        before the event begins.
+        """
         if self._traffic.has_moved(name):
             return True
         away_m = np.hypot(*(cars.middle_m - target_m).T)
         nearest = int(away_m.argmin())
-        is_matched = away_m[nearest] < SAME_POSITION_M
-        return bool(is_matched and self._traffic.is_disturbed(cars.names[nearest]))
+        if away_m[nearest] >= SAME_POSITION_M:
+            return False
+        other = cars.names[nearest]
+        return self._traffic.is_disturbed(other) or (
+            self._pair is not None and self._pair.are(name, other)
+        )
 
 
 class _OngoingWarnings:

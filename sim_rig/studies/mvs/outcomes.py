@@ -45,9 +45,9 @@ class EncounterOutcome:
     first_warning_s: float | None = None
     """Time from the event to the first warning of a car that the event affected."""
     warned: int = 0
-    """Warnings of cars that the event affected."""
+    """Warnings of cars that the event affected, and of those that crash without radios."""
     false_warnings: int = 0
-    """Warnings of cars that the event did not affect, or of no car."""
+    """Warnings of other cars, or of no car."""
     paper_alarm_crash: Crash | None = None
     """The crash of the same event if drivers reacted to the paper's true alarms."""
     paper_alarm_same_pair: bool = False
@@ -55,7 +55,7 @@ class EncounterOutcome:
     paper_alarm_before_s: float | None = None
     """Time from the paper's first alarm to the crash without radios."""
     paper_alarm_false: int = 0
-    """The paper's alarms of cars that the event did not affect, or of no car."""
+    """As `false_warnings`, of the paper's alarm."""
     driven_s: float = 0.0
     """Driving time of all cars with a radio, summed."""
     messages: int = 0
@@ -76,9 +76,13 @@ class CrashPair:
         """Whether this car is one of the two and can avoid the crash."""
         return name in self._able
 
+    def are(self, *names: str) -> bool:
+        """Whether these are the two cars."""
+        return set(names) == set(self._crash.names)
+
     def is_same_pair(self, crash: Crash) -> bool:
         """Whether the same two cars collide in `crash`."""
-        return set(crash.names) == set(self._crash.names)
+        return self.are(*crash.names)
 
     def receive_perceived(self, name: str, positions_m: Array, cars: Cars) -> None:
         """Process the perceived objects of one car of the pair.
@@ -98,12 +102,12 @@ class CrashPair:
                 self._known_at = cars.at_s
 
     def receive_warning(self, name: str, at_s: float) -> None:
-        """Process a warning of a car that the event has affected."""
+        """Process a right warning."""
         if name in self._able and self._warned_at is None:
             self._warned_at = at_s
 
     def receive_paper_alarm(self, name: str, at_s: float) -> None:
-        """Process an alarm of the paper that would warn of a car that the event has affected."""
+        """Process an alarm of the paper that would warn rightly."""
         if name in self._able:
             self.paper_alarm_at.setdefault(name, at_s)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from onboard.errors import UserError
+from onboard.risk.settings import ImaSettings, RiskSettings
 from sim_rig.roads.cars import Cars
 from sim_rig.roads.crashes import Crash
 from sim_rig.roads.driver import ReactionSettings
@@ -258,6 +259,31 @@ def test_a_warning_at_the_onset_reaches_those_who_can_act(
 
     assert onset.crash_outcome is outcome
     assert (onset.crash is None) == (outcome is CrashOutcome.AVOIDED)
+
+
+def test_a_warning_of_the_crash_before_the_event_begins_is_right(tmp_path: Path) -> None:
+    """The event begins some 4 s before two cars meet; thresholds this low warn before that."""
+    trace = tmp_path / "crossing.csv"
+    rows = [
+        f"{at_s:.1f},{name},{x * way_m:.2f},{y * way_m:.2f},{heading_rad:.4f},14,4,2"
+        for at_s in np.arange(0.0, 30.0, 0.1)
+        for name, (x, y), meets_s in (("east", (1, 0), 12.0), ("north", (0, 1), 18.0))
+        for way_m, heading_rad in ((14.0 * (at_s - meets_s), y * np.pi / 2.0),)
+    ]
+    trace.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    ima = ImaSettings(caution_p_c=0.01, warning_p_c=0.02)
+    crossing = Encounters(
+        EncounterSettings(scenes=(trace,), warm_s=2.0, watched_s=0.5, risk=RiskSettings(ima=ima))
+    )
+    both = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0, pair_radios=(True, True))
+
+    seed = next(seed for seed in range(6) if crossing.without_radios(both, seed)[0] is not None)
+
+    outcome = crossing.run(both, seed)
+
+    assert outcome.false_warnings == 0
+    assert outcome.first_warning_s is not None
+    assert outcome.first_warning_s < 0.0
 
 
 @pytest.mark.long
