@@ -1,8 +1,10 @@
 """One traffic event among many cars: which drivers are warned in time, and whether cars crash."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from operator import itemgetter
 
 import numpy as np
 from pydantic import Field
@@ -25,6 +27,7 @@ from sim_rig.studies.mvs.events import SampledEvent, event_sample
 from sim_rig.studies.mvs.lcca import LccaFleet
 from sim_rig.studies.mvs.outcomes import CrashPair, EncounterOutcome
 from sim_rig.studies.mvs.profiles import WorldProfile
+from sim_rig.studies.mvs.ranging_sensor import RangingSensor
 from sim_rig.studies.mvs.sampled_bus import TICK_S
 from sim_rig.studies.mvs.scenes import SceneName, SceneSource
 from sim_rig.studies.mvs.world import MvsWorld
@@ -57,9 +60,13 @@ class Method(StrEnum):
     begins, with nothing sensed or shared: the most that a warning by then can avoid."""
     OBSERVER = "observer"
     """They are warned when an attentive observer of the true states could first know of it."""
+    IN_VIEW = "in_view"
+    """They are warned at the onset if the other car has a radio, or else once cars with a radio
+    have had it in view for `_IN_VIEW_S`: the most that these sensors allow."""
 
 
-_ORACLES = {Method.ONSET, Method.OBSERVER}
+_ORACLES = {Method.ONSET, Method.OBSERVER, Method.IN_VIEW}
+_IN_VIEW_S = 1.0
 
 
 class EncounterSettings(Settings):
@@ -191,17 +198,54 @@ class Encounters:
         self, case: EncounterCase, seed: int, before: Crash, pair: CrashPair, equipped: set[str]
     ) -> Crash | None:
         """Let an oracle warn who can avoid the crash `before` and has a radio; return the crash."""
+        able = [name for name in equipped if pair.can_act(name)]
+        warned_at_s = dict.fromkeys(able, self.event(case.kind, seed).event.at_s)
         if case.method is Method.ONSET:
-            warned_at_s = self.event(case.kind, seed).event.at_s + self._settings.onset_delay_s
-        else:
+            warned_at_s = {
+                name: at_s + self._settings.onset_delay_s for name, at_s in warned_at_s.items()
+            }
+        elif case.method is Method.OBSERVER:
             known_at_s = self._observed_at_s(case.kind, seed, before)
-            if known_at_s is None:
-                return before
-            warned_at_s = known_at_s
-        for name in equipped:
-            pair.receive_warning(name, warned_at_s)
-        warned = {name: warned_at_s for name in equipped if pair.can_act(name)}
-        return self._run_with_warnings(case, seed, before, warned)
+            warned_at_s = {} if known_at_s is None else dict.fromkeys(able, known_at_s)
+        else:
+            in_view_at_s = self._in_view_at_s(case.kind, seed, equipped)
+            others = dict(zip(before.names, reversed(before.names), strict=True))
+            warned_at_s = {
+                name: max(at_s, in_view_at_s[others[name]])
+                for name, at_s in warned_at_s.items()
+                if others[name] in in_view_at_s
+            }
+        for name, at_s in sorted(warned_at_s.items(), key=itemgetter(1)):
+            pair.receive_warning(name, at_s)
+        return self._run_with_warnings(case, seed, before, warned_at_s)
+
+    def _in_view_at_s(
+        self, kind: TrafficEventKind, seed: int, equipped: set[str]
+    ) -> dict[str, float]:
+        """When cars with a radio have first had each car in view for `_IN_VIEW_S`.
+
+        Those with a radio are known from the beginning.
+        """
+        of = self.event(kind, seed)
+        begin_s, ticks = self._begin_s(of.event), Counter[str]()
+        known_at_s = dict.fromkeys(equipped, begin_s)
+        sees_all = self._settings.world.model_copy(update={"detection": 1.0})
+        sensor = RangingSensor(sees_all, of.scene.blocked, np.random.default_rng(seed))
+
+        def watch(traffic: DisturbedTraffic, now: float) -> None:
+            cars = traffic.cars_at(now)
+            in_view = {
+                name
+                for own in sorted(equipped.intersection(cars.names))
+                for name, _ in sensor.detections(cars.names.index(own), cars, hash, now)
+            }
+            ticks.update(in_view)
+            for name in in_view:
+                if ticks[name] * TICK_S >= _IN_VIEW_S:
+                    known_at_s.setdefault(name, now)
+
+        self._continue(self._traffic(of, seed), of.event, begin_s, watch)
+        return known_at_s
 
     def _observed_at_s(self, kind: TrafficEventKind, seed: int, before: Crash) -> float | None:
         """When an attentive observer knows of the crash `before`; `None` if it comes as that."""

@@ -49,6 +49,9 @@ class Driver(StrEnum):
     OBSERVER = "observer"
     """The driver, if warned once an attentive observer of the true states could know of the crash
     (`attentive_observer.py`)."""
+    IN_VIEW = "in_view"
+    """The driver, if warned once the other vehicle has been in view of a car with a radio: the most
+    that warnings by these sensors can avoid."""
     WARNED = "warned"
     """The driver, after the reaction time."""
     BRAKES = "brakes"
@@ -58,12 +61,14 @@ class Driver(StrEnum):
 _ORACLES = {
     Driver.ONSET: (Method.ONSET, "at the onset"),
     Driver.OBSERVER: (Method.OBSERVER, "observer's"),
+    Driver.IN_VIEW: (Method.IN_VIEW, "once in view"),
 }
-"""Drivers that are warned with nothing sensed or shared: the method, and the name of the alarm."""
+"""Drivers that an oracle warns: the method, and the name of the alarm."""
+_SENSE_NOTHING = {Driver.ONSET, Driver.OBSERVER}
 Step = tuple[str, Driver]
 """Sensors by the name of their profile, and who acts."""
 _NO_PROFILE = "none"
-"""Sensors of an oracle."""
+"""Sensors of those."""
 
 
 def _is_profile(name: str) -> str:
@@ -123,6 +128,10 @@ class AblationLine:
     reduction_low_95: float
     reduction_high_95: float
     warned_before_s: float
+    false_warnings: int
+    """Of all runs of the step, not weighted."""
+    driven_h: float
+    """By all cars with a radio in these runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +193,7 @@ def _steps(settings: AblationSettings) -> list[Step]:
     return [
         (profile, driver)
         for driver in settings.drivers
-        for profile in (settings.profiles if driver not in _ORACLES else (_NO_PROFILE,))
+        for profile in ((_NO_PROFILE,) if driver in _SENSE_NOTHING else settings.profiles)
     ]
 
 
@@ -256,6 +265,7 @@ def _line(
     crashed = [float(row.crash) for row in before.values()]
     clusters = [row.pair or event for event, row in before.items()]
     no_radio = [row for row in mine if row.outcome == CrashOutcome.NO_RADIO]
+    simulated = [row for row in mine if isinstance(row, SimulatedRun)]
     crashes = sum(crashed)
     low, high = cluster_interval(clusters, list(avoided.values()), crashed)
     return AblationLine(
@@ -270,9 +280,9 @@ def _line(
         reduction=sum(avoided.values()) / crashes if crashes else math.nan,
         reduction_low_95=low,
         reduction_high_95=high,
-        warned_before_s=median(
-            [row for row in mine if isinstance(row, SimulatedRun)], "warned_before_s"
-        ),
+        warned_before_s=median(simulated, "warned_before_s"),
+        false_warnings=sum(row.false_warnings for row in simulated),
+        driven_h=sum(row.driven_s for row in simulated) / 3600.0,
     )
 
 

@@ -53,7 +53,7 @@ def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> lis
             paper_alarm_same_pair=False,
             paper_alarm_before_s=None,
             paper_alarm_false=0,
-            driven_s=0.0,
+            driven_s=9.0,
             messages=0,
             profile=profile,
             driver=driver,
@@ -68,6 +68,7 @@ def rows_of_step(profile: str, driver: Driver, outcomes: tuple[str, str]) -> lis
                 outcome=outcome,
                 weight=0.25,
                 probability=0.25,
+                false_warnings=1,
             ),
         ]
     return rows
@@ -81,7 +82,11 @@ def test_a_step_counts_what_it_says() -> None:
         for row in rows_of_step("none", driver, ("avoided", "another"))
     ] + [
         row
-        for driver, outcome in ((Driver.WARNED, "another"), (Driver.BRAKES, "avoided"))
+        for driver, outcome in (
+            (Driver.IN_VIEW, "avoided"),
+            (Driver.WARNED, "another"),
+            (Driver.BRAKES, "avoided"),
+        )
         for profile in SETTINGS.profiles
         for row in rows_of_step(profile, driver, (outcome, "too_late"))
     ]
@@ -94,6 +99,10 @@ def test_a_step_counts_what_it_says() -> None:
         ("none", "onset", "at the onset", "any"),
         ("none", "observer", "observer's", "two"),
         ("none", "observer", "observer's", "any"),
+        ("paper", "in_view", "once in view", "two"),
+        ("paper", "in_view", "once in view", "any"),
+        ("camera-60", "in_view", "once in view", "two"),
+        ("camera-60", "in_view", "once in view", "any"),
         ("paper", "warned", "paper's", "two"),
         ("paper", "warned", "paper's", "any"),
         ("paper", "warned", "car's", "two"),
@@ -107,10 +116,12 @@ def test_a_step_counts_what_it_says() -> None:
         crashes: [line["reduction"] for line in lines if line["crashes"] == crashes]
         for crashes in ("all", "crossing", "rear-end")
     }
-    assert reductions["crossing"] == [*7 * [0.25], 0.0, 0.25, 0.0, 0.25, 0.25]
-    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.0, 0.25, 0.25, *6 * [0.0]]
-    assert reductions["all"][:8] == [0.25, 0.125, 0.25, 0.125, 0.25, 0.25, 0.125, 0.0]
+    assert reductions["crossing"] == [*11 * [0.25], 0.0, 0.25, 0.0, 0.25, 0.25]
+    assert reductions["rear-end"] == [0.25, 0.0, 0.25, 0.0, *4 * [0.0], 0.25, 0.25, *6 * [0.0]]
+    assert reductions["all"][:4] == [0.25, 0.125, 0.25, 0.125]
+    assert reductions["all"][4:12] == [*4 * [0.125], 0.25, 0.25, 0.125, 0.0]
     assert {line["avoidable"] for line in lines} == {0.25}
+    assert {(line["false_warnings"], line["driven_h"]) for line in lines[:16]} == {(2, 0.01)}
 
 
 @pytest.mark.long
@@ -129,7 +140,7 @@ def test_the_ablation_is_written(tmp_path: Path) -> None:
 
     with (tmp_path / "out/table.csv").open() as file:
         lines = list(csv.DictReader(file))
-    assert {line["driver"] for line in lines} == {"onset", "observer", "warned", "brakes"}
+    assert {line["driver"] for line in lines} == set(Driver)
     assert (tmp_path / "out/figure.png").read_bytes().startswith(b"\x89PNG")
     assert summary.startswith("from 100.0% (none, at the onset alarm)")
     assert "camera-60" in summary

@@ -28,6 +28,7 @@ from sim_rig.studies.mvs.encounter import EncounterCase, Encounters, EncounterSe
 from sim_rig.studies.mvs.events import EventSample
 from sim_rig.studies.mvs.mvs_figure9_study import STUDY
 from sim_rig.studies.mvs.outcomes import CrashOutcome, CrashPair
+from sim_rig.studies.mvs.profiles import WORLD_PROFILES
 from sim_rig.studies.mvs.scenes import SceneName
 from tests.sim_rig.roads.lane_trace import write_lane
 
@@ -261,29 +262,54 @@ def test_a_warning_at_the_onset_reaches_those_who_can_act(
     assert (onset.crash is None) == (outcome is CrashOutcome.AVOIDED)
 
 
-def test_a_warning_of_the_crash_before_the_event_begins_is_right(tmp_path: Path) -> None:
-    """The event begins some 4 s before two cars meet; thresholds this low warn before that."""
-    trace = tmp_path / "crossing.csv"
+def crossing_of_two(path: Path, settings: EncounterSettings) -> tuple[Encounters, int]:
+    """Two cars cross at a right angle with 14 m/s, and the seed of an event in which they crash."""
     rows = [
         f"{at_s:.1f},{name},{x * way_m:.2f},{y * way_m:.2f},{heading_rad:.4f},14,4,2"
         for at_s in np.arange(0.0, 30.0, 0.1)
         for name, (x, y), meets_s in (("east", (1, 0), 12.0), ("north", (0, 1), 18.0))
         for way_m, heading_rad in ((14.0 * (at_s - meets_s), y * np.pi / 2.0),)
     ]
-    trace.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
-    ima = ImaSettings(caution_p_c=0.01, warning_p_c=0.02)
-    crossing = Encounters(
-        EncounterSettings(scenes=(trace,), warm_s=2.0, watched_s=0.5, risk=RiskSettings(ima=ima))
+    path.write_text("\n".join(["t,id,x,y,heading,v,length,width", *rows]))
+    crossing = Encounters(settings.model_copy(update={"scenes": (path,)}))
+    case = EncounterCase(TrafficEventKind.RED_LIGHT, Method.NONE, 0.0)
+    return crossing, next(seed for seed in range(6) if crossing.run(case, seed).crash is not None)
+
+
+def test_a_warning_of_the_crash_before_the_event_begins_is_right(tmp_path: Path) -> None:
+    """The event begins some 4 s before two cars meet; thresholds this low warn before that."""
+    risk = RiskSettings(ima=ImaSettings(caution_p_c=0.01, warning_p_c=0.02))
+    crossing, seed = crossing_of_two(
+        tmp_path / "crossing.csv", EncounterSettings(warm_s=2.0, watched_s=0.5, risk=risk)
     )
     both = EncounterCase(TrafficEventKind.RED_LIGHT, Method.DSRC, 1.0, pair_radios=(True, True))
-
-    seed = next(seed for seed in range(6) if crossing.without_radios(both, seed)[0] is not None)
 
     outcome = crossing.run(both, seed)
 
     assert outcome.false_warnings == 0
     assert outcome.first_warning_s is not None
     assert outcome.first_warning_s < 0.0
+
+
+@pytest.mark.parametrize(
+    ("profile", "other_has_radio", "outcome"),
+    [
+        ("all-round-60", False, CrashOutcome.AVOIDED),
+        ("plate-camera", False, CrashOutcome.UNKNOWN),
+        ("plate-camera", True, CrashOutcome.AVOIDED),
+    ],
+)
+def test_an_oracle_warns_of_what_the_sensors_have_in_view(
+    tmp_path: Path, profile: str, other_has_radio: bool, outcome: CrashOutcome
+) -> None:
+    """Both are 45 degrees aside of each other, which a lens for plates does not see."""
+    reactions = ReactionSettings(warned_median_s=0.3)
+    settings = EncounterSettings(world=WORLD_PROFILES[profile], reactions=reactions)
+    crossing, seed = crossing_of_two(tmp_path / "crossing.csv", settings)
+    radios = True, other_has_radio
+    case = EncounterCase(TrafficEventKind.RED_LIGHT, Method.IN_VIEW, 1.0, pair_radios=radios)
+
+    assert crossing.run(case, seed).crash_outcome is outcome
 
 
 @pytest.mark.long
