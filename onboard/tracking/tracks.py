@@ -38,7 +38,6 @@ from onboard.tracking.slices import batches, result_of
 from onboard.tracking.track import Track
 from onboard.tracking.track_merging import (
     choose_reported,
-    distances_m,
     merge_tracks,
     position_variances,
 )
@@ -61,6 +60,9 @@ _BSM_OFFSET_SIGMA_M = 0.5
 _LARGEST_EXPLAINING_VARIANCE = 2 * 5.0**2
 """In m^2, of both axes: a vehicle with a radio that is placed worse than to 5 m explains no track
 that own sensors measure."""
+_HEADWAY_S, _LONGEST_HEADWAY_M = 0.2, 2.0
+"""Headway that no vehicle is without, and its longest way: with `OVERLAP_M`, a vehicle at 36 km/h
+and more has no other one within 3.5 m along its course."""
 _REMOTE_MATCH_HOLD_MS = 500
 """Time for which a track counts as a vehicle with a radio after the last match."""
 _BSM_PREDICTION_MS = 500
@@ -199,10 +201,11 @@ class Tracks:
     def match_remote_vehicles(self, ids: Sequence[bytes], states: StateArrays, now_ms: int) -> None:
         """Find the tracks that are vehicles with a radio, or the host vehicle.
 
-        A track that only others report is matched only where the two overlap: its observer
-        distinguished it from the vehicles with a radio beside it. A track that own sensors measure
-        is also matched within a gate, and the host vehicle in either case. What others claim never
-        hides what own sensors measure: such a track is matched only while place and speed agree.
+        A track that only others report is matched only where the two overlap, or would within the
+        headway along the vehicle's course: its observer distinguished it from the vehicles with a
+        radio that it receives. A track that own sensors measure is also matched within a gate, and
+        the host vehicle in either case. What others claim never hides what own sensors measure:
+        such a track is matched only while place and speed agree.
 
         Args:
             ids: temporary IDs of N vehicles, the host vehicle first.
@@ -215,7 +218,7 @@ class Tracks:
             states.stamps_ms, states.states, states.covariances + offset, states.has_speed
         )
         tracked = self._states()
-        apart = distances_m(states.positions_m(now_ms), tracked.positions_m(now_ms))
+        apart = _overlap_distances_m(states, tracked.positions_m(now_ms), now_ms)
         silent = now_ms - states.stamps_ms > _BSM_PREDICTION_MS
         silent[:1] = False
         apart[silent] = np.inf
@@ -432,3 +435,19 @@ class Tracks:
             self._store.compact([each.row for each in kept])
             for row, each in enumerate(kept):
                 each.row = row
+
+
+def _overlap_distances_m(states: StateArrays, positions_m: Array, now_ms: int) -> Array:
+    """Distances (N, M) of positions (2, M) from N vehicles, less along a vehicle's course.
+
+    `OVERLAP_M` is as far as the vehicle and its headway reach.
+    """
+    apart = positions_m[:, None, :] - states.positions_m(now_ms)[:, :, None]
+    velocities = np.where(states.has_speed, states.states[2:], 0.0)
+    speeds = np.hypot(*velocities)
+    course = velocities / np.maximum(speeds, 1e-9)
+    along = (apart * course[:, :, None]).sum(axis=0)
+    across = np.sqrt(np.maximum((apart**2).sum(axis=0) - along**2, 0.0))
+    headway_m = np.minimum(_HEADWAY_S * speeds, _LONGEST_HEADWAY_M)
+    distances: Array = np.hypot(across, along * (OVERLAP_M / (OVERLAP_M + headway_m))[:, None])
+    return distances

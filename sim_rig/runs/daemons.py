@@ -113,11 +113,10 @@ class Daemons:
         await self._processes.start(car, *self._program(car), "run", str(config_file))
 
     def check_ready(self, car: str) -> bool:
-        """Read on in the trace of `car`, and return whether it is ready and receives its sensors."""
+        """Read on in the trace of `car`; return whether it is ready and receives its sensors."""
         self._traced[car] |= {record["kind"] for record in self._readers[car].records()}
-        return self._traced[car] >= _RECORDS_WHEN_READY | (
-            {"position"} if self._scenario.gnss else set()
-        )
+        position = {"position"} if self._scenario.gnss else set()
+        return self._traced[car] >= _RECORDS_WHEN_READY | position
 
     def trace(self, car: str) -> list[Record]:
         """Return the trace of `car` up to now, of all starts of its daemon."""

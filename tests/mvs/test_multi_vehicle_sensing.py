@@ -197,6 +197,24 @@ def test_a_car_that_only_others_report_is_known_beside_one_with_a_radio(lane_m: 
         assert only(world.without_radio("v")).source is ObjectSource.SHARED
 
 
+def test_a_car_whose_radio_its_observer_does_not_receive_is_not_reported_as_one_without() -> None:
+    """A camera places it some metres off along its course, where no other vehicle can drive."""
+
+    def radio(message: Message, receiver: Car, _: float) -> list[float]:
+        return [] if {message.sender.name, receiver.name} == {"w", "r"} else [0.002]
+
+    cars = [
+        Car("v", 0, -40, 0, 12),
+        Car("r", 3.5, 40, 0, 12),
+        Car("w", 0, 0, 0, 12, sees=frozenset({"r"})),
+    ]
+    world = World(cars, range_sigma_m=3.0, radio=radio)
+    world.run(1.5)
+    for _ in range(40):
+        world.run(0.1)
+        assert world.without_radio("v") == []
+
+
 def test_a_car_whose_radio_falls_silent_is_one_without() -> None:
     silent = False
 
