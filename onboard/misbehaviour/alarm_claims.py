@@ -20,7 +20,7 @@ from onboard.observations import BrakeCause, Lead
 from onboard.risk.alarm import Assessment, Cause, Level
 from onboard.risk.alarm_table import Credit, row_of
 from onboard.sensors.host_state import HostState
-from onboard.tracking.evidence import observer_of
+from onboard.tracking.evidence import observers_of
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 
 MAX_SIGMA_M_S = 1.0
@@ -195,7 +195,7 @@ class AlarmClaims:
             self._tested_at.popitem(last=False)
         return now < began_at + TEST_S
 
-    def is_ignored(self, name: str, signers: Collection[bytes], now: float) -> bool:
+    def is_ignored(self, name: str, signers: Iterable[bytes], now: float) -> bool:
         """Whether what only these signers claim raises no alarm; one that is on goes on."""
         return all(
             self.credibility.is_ignored(one, now) for one in signers
@@ -207,8 +207,8 @@ class AlarmClaims:
         return not is_credible and not self.credibility.is_paid(name, now)
 
     def _may_alarm(self, each: PerceivedObject, now: float) -> bool:
-        signers = self._claimants(each.name)
-        return not signers or not self.is_ignored(each.name, signers, now)
+        ids = _claiming_ids(each)
+        return not ids or not self.is_ignored(each.name, map(self._signer_or_nobody, ids), now)
 
     def _claimants(self, name: str, *, is_bsm: bool = False) -> frozenset[bytes]:
         """Return who claims a braking or a vehicle; nobody, if own sensors measure it.
@@ -219,14 +219,19 @@ class AlarmClaims:
         """
         claimed = self._objects.get(name)
         if claimed is None and is_bsm:
-            return frozenset({self._signer_of(bytes.fromhex(name)) or NO_SENDER})
+            return frozenset({self._signer_or_nobody(bytes.fromhex(name))})
         if claimed is None:
             return frozenset({self._brakings[name]} if name in self._brakings else ())
-        if claimed.is_sensed:
-            return frozenset()
-        if claimed.source is ObjectSource.BSM:
-            ids = frozenset({bytes.fromhex(name)})
-        else:
-            observers = {observer_of(each) for each in claimed.provenance}
-            ids = claimed.reporters & observers or claimed.reporters
-        return frozenset(self._signer_of(each) or NO_SENDER for each in ids)
+        return frozenset(map(self._signer_or_nobody, _claiming_ids(claimed)))
+
+    def _signer_or_nobody(self, temporary_id: bytes) -> bytes:
+        return self._signer_of(temporary_id) or NO_SENDER
+
+
+def _claiming_ids(claimed: PerceivedObject) -> frozenset[bytes]:
+    """Return the temporary IDs of those who claim a vehicle; none, if own sensors measure it."""
+    if claimed.is_sensed:
+        return frozenset()
+    if claimed.source is ObjectSource.BSM:
+        return frozenset({bytes.fromhex(claimed.name)})
+    return claimed.reporters & observers_of(claimed.provenance) or claimed.reporters

@@ -43,6 +43,11 @@ def observer_of(identity: MeasurementId) -> bytes:
     return observer_with_number(identity >> _STAMP_BITS)
 
 
+def observers_of(provenance: Provenance) -> set[bytes]:
+    """Return the temporary IDs of the vehicles that made the measurements."""
+    return set(map(observer_with_number, set(observer_numbers_of(provenance))))
+
+
 def observer_numbers_of(provenance: Provenance) -> list[int]:
     """Return the observer of each measurement as a number, which costs less than the bytes."""
     return [identity >> _STAMP_BITS for identity in provenance]
@@ -118,7 +123,8 @@ class Estimate:
     def with_position_variance(self, added_m2: float) -> Self:
         """Return the estimate with more variance of its position, on either axis."""
         covariance = self.covariance.copy()
-        covariance[[0, 1], [0, 1]] += added_m2
+        covariance[0, 0] += added_m2
+        covariance[1, 1] += added_m2
         return type(self)(self.provenance, self.state, covariance, self.stamp_ms, self.oldest_ms)
 
 
