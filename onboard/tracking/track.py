@@ -78,7 +78,7 @@ class Track:
     @property
     def reporters(self) -> frozenset[bytes]:
         """The senders that have reported it lately."""
-        return frozenset(sender for sender, _ in self.labels if sender != OWN)
+        return frozenset({sender for sender, _ in self.labels} - {OWN})
 
     @property
     def used(self) -> list[Evidence]:
