@@ -275,7 +275,7 @@ class MultiVehicleSensing(Core):
         now_ms = self._utc_ms(now)
         if self._updated_ms is not None and 0 <= now_ms - self._updated_ms < round(UPDATE_S * 1000):
             return  # below 0, UTC was set back: updates go on at once
-        are_many = len(self._tracks) > TRACKS_AT_ONCE
+        are_many = self._are_many_tracks
         if are_many:
             yield
         self._remote_vehicles.drop_silent(now)
@@ -314,9 +314,10 @@ class MultiVehicleSensing(Core):
         if self._composing is None:
             if not self.update_slice(now):
                 return False
-            if not self.has_position(now) or len(self._tracks) <= TRACKS_AT_ONCE:
+            if not self.has_position(now) or not self._are_many_tracks:
                 return True
             self._composing = self._compose(now)
+            return False
         try:
             next(self._composing)
         except StopIteration as end:
@@ -354,14 +355,19 @@ class MultiVehicleSensing(Core):
 
     def kinematic_info(self, now: float) -> list[PerceivedObject]:
         """Return all objects but the host vehicle by the last update, predicted to `now`."""
+        return result_of(self.kinematic_info_in_slices(now))
+
+    def kinematic_info_in_slices(self, now: float) -> Generator[None, None, list[PerceivedObject]]:
+        """Do what `kinematic_info` does in two slices, by the state at the first one."""
         if not self.has_position(now):
             return []
         q = self._parameters.acceleration_density
+        reported = self.reported_tracks()
+        estimates = [track.placed for track in reported]
         sensed = {track.remote_vehicle_id for track in self._tracks if track.is_sensed}
-        return [
-            *as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed),
-            *self._as_objects(self.reported_tracks(), now),
-        ]
+        remote = as_perceived_objects(now, ObjectSource.BSM, self._remote_vehicles, q, sensed)
+        yield
+        return remote + as_tracked_objects(now, self._utc_ms(now), reported, estimates, q)
 
     def sensed_objects(self, now: float) -> list[PerceivedObject]:
         """Return what own sensors alone measure, whether it has a radio or not.
@@ -371,11 +377,9 @@ class MultiVehicleSensing(Core):
         """
         if self._sensed_tracks is None or not self.has_position(now):
             return []
-        return self._as_objects(without_radio(self._sensed_tracks), now)
-
-    def _as_objects(self, tracks: Sequence[Track], now: float) -> list[PerceivedObject]:
-        q = self._parameters.acceleration_density
-        return as_tracked_objects(now, self._utc_ms(now), tracks, q)
+        tracks = without_radio(self._sensed_tracks)
+        estimates, q = [track.placed for track in tracks], self._parameters.acceleration_density
+        return as_tracked_objects(now, self._utc_ms(now), tracks, estimates, q)
 
     def reported_tracks(self) -> list[Track]:
         """Return the tracks of vehicles without radio that are reported, by the last update."""
@@ -431,7 +435,7 @@ class MultiVehicleSensing(Core):
 
     def _process_in_slices(self, now: float) -> Generator[None, None, None]:
         """Assign what has arrived to tracks: detections first, then footers."""
-        are_many = len(self._waiting) > FOOTERS_TOGETHER
+        are_many = self._are_many_tracks or len(self._waiting) > FOOTERS_TOGETHER
         images, refused = self._detections.take(self.own_id, now, self._utc_ms)
         self._events.extend(refused)
         if are_many:
@@ -511,6 +515,11 @@ class MultiVehicleSensing(Core):
         own = self._host.state()
         assert own is not None  # noqa: S101 (callers have asked for the position)
         return own
+
+    @property
+    def _are_many_tracks(self) -> bool:
+        """Whether an update, and what is made of it, takes several slices."""
+        return len(self._tracks) > TRACKS_AT_ONCE
 
     def _utc_ms(self, stamp_s: float) -> int:
         return round((stamp_s + self._utc_offset_s) * 1000)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from onboard.tracking.evidence import Estimate
 from onboard.tracking.fusion import propagate
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
 from onboard.tracking.track import Track
@@ -13,7 +14,7 @@ def without_radio(tracks: Iterable[Track]) -> list[Track]:
 
 
 def as_tracked_objects(
-    now: float, now_ms: int, tracks: Sequence[Track], q: float
+    now: float, now_ms: int, tracks: Sequence[Track], estimates: Sequence[Estimate], q: float
 ) -> list[PerceivedObject]:
     """Return tracks as objects, each fused with its duplicates, and predicted to `now`.
 
@@ -21,9 +22,9 @@ def as_tracked_objects(
         now: the time.
         now_ms: the same, UTC.
         tracks: of vehicles.
+        estimates: where each is placed.
         q: spectral density of the acceleration noise, m^2/s^3.
     """
-    estimates = [track.placed for track in tracks]
     states, covariances = propagate(estimates, now_ms, q)
     return [
         PerceivedObject(

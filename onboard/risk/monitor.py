@@ -5,7 +5,7 @@ and holds the alarms. It knows the applications by their shape alone (`alarm_tab
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ from onboard.risk.vehicle_motion import TREND_WINDOW_S, VehicleMotion
 from onboard.sensors.host_state import HostState
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.tracking.slices import result_of
 
 Admit = Callable[[Cause, Assessment, float], bool]
 """Takes an assessment that calls for an alarm of this cause now; returns whether the observations
@@ -124,11 +125,23 @@ class RiskMonitor(Core):
             signals: those of intersections.
             heading: of the host vehicle, kept at rest.
         """
+        result_of(self.assess_in_slices(own, objects, now, signals, heading))
+
+    def assess_in_slices(
+        self,
+        own: PerceivedObject | None,
+        objects: Sequence[PerceivedObject],
+        now: float,
+        signals: Signals = NO_SIGNALS,
+        heading: Heading | None = None,
+    ) -> Generator[None, None, None]:
+        """Do what `assess` does in slices, between which events may be received."""
         self._bsm_data.drop_old(now)
         others = [] if own is None else [each for each in objects if _is_other(each, own)]
         self._follow([] if own is None else [*others, own], now)
         situation = self._situation(now, own, others, heading, signals)
         for kind in self._kinds:
+            yield
             self._judge(kind, kind.application.assess(situation), now)
 
     @override

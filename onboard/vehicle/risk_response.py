@@ -3,7 +3,7 @@
 What own sensors alone show is assessed apart, by a monitor that no message reaches.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 from onboard.brake_request.brake_requester import BrakeRequester
 from onboard.brake_request.settings import BrakeRequestSettings
@@ -15,6 +15,7 @@ from onboard.sensors.host_state import HostState
 from onboard.step import HostObservation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
+from onboard.tracking.slices import result_of
 
 
 class RiskResponse:
@@ -77,9 +78,27 @@ class RiskResponse:
 
         `sensed` is what own sensors alone measure, for requests to brake.
         """
-        self.monitor.assess(own, objects, now, signals, heading)
+        result_of(
+            self.assess_in_slices(
+                own, objects, now, heading=heading, sensed=sensed, signals=signals
+            )
+        )
+
+    def assess_in_slices(
+        self,
+        own: PerceivedObject | None,
+        objects: Sequence[PerceivedObject],
+        now: float,
+        *,
+        heading: Heading | None,
+        sensed: Sequence[PerceivedObject] = (),
+        signals: Signals = NO_SIGNALS,
+    ) -> Generator[None, None, None]:
+        """Do what `assess` does in slices, between which events may be received."""
+        yield from self.monitor.assess_in_slices(own, objects, now, signals, heading)
         if self._sensed_monitor is not None:
-            self._sensed_monitor.assess(own, sensed, now, signals, heading)
+            yield
+            yield from self._sensed_monitor.assess_in_slices(own, sensed, now, signals, heading)
         self._request_braking(now)
 
     def _request_braking(self, now: float) -> None:

@@ -1,6 +1,6 @@
 """What is around one vehicle, ten times a second: from the tracks to the alarms."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 
 from onboard.intersections.intersections import Intersections
 from onboard.lcca.identification import Identification
@@ -11,6 +11,9 @@ from onboard.vehicle.risk_response import RiskResponse
 
 ASSESSMENT_INTERVAL_S = 0.1
 """Period of the risk assessment: that of BSMs."""
+
+OBJECTS_AT_ONCE = 32
+"""With more perceived objects, the risk is assessed in slices."""
 
 REPORT_INTERVAL_S = 1.0
 """Period at which host vehicle and perceived objects are put out as events."""
@@ -48,6 +51,8 @@ class Surroundings:
         self._identification = identification
         self._signer_of = signer_of
         self._assess_at = self._next_at = self._report_at = now
+        self._slices: Generator[None, None, Sequence[PerceivedObject]] | None = None
+        """What is left of an assessment that has begun."""
         self.host_vehicle: PerceivedObject | None = None
         """At the last assessment; `None` without a position."""
         self.objects: list[PerceivedObject] = []
@@ -58,37 +63,56 @@ class Surroundings:
         return self._assess_at
 
     def assess(self, now: float) -> Sequence[PerceivedObject]:
-        """Do the next slice: of the update of the tracks, or the assessment of the risk after it.
+        """Do the next slice of the update of the tracks or, after it, of the assessment of risk.
 
-        The timer stays due until the risk is assessed.
+        The timer stays due until the risk is assessed, with many objects in several slices,
+        all by the places at the first one.
 
         Returns:
             Those to report now: the host vehicle and the others, or none.
         """
         if self._next_at <= self._assess_at:
             self._next_at = now + ASSESSMENT_INTERVAL_S
+        if self._slices is None:
+            if not self._mvs.update_slice(now):
+                return ()
+            self._slices = self._assess_in_slices(now)
+        try:
+            next(self._slices)
+            while len(self.objects) <= OBJECTS_AT_ONCE:
+                next(self._slices)
+        except StopIteration as end:
+            self._slices, self._assess_at = None, self._next_at
+            to_report: Sequence[PerceivedObject] = end.value
+            return to_report
+        return ()
+
+    def _assess_in_slices(self, now: float) -> Generator[None, None, Sequence[PerceivedObject]]:
         mvs = self._mvs
-        if not mvs.update_slice(now):
-            return ()
-        self._assess_at = self._next_at
-        self.host_vehicle, self.objects = mvs.host_vehicle(now), mvs.kinematic_info(now)
-        self._intersections.receive_host_vehicle(self.host_vehicle, mvs.frame, now)
-        alarming = self.objects
+        # All in one frame, which the next position may change.
+        frame, heading, sensed = mvs.frame, mvs.heading(now), mvs.sensed_objects(now)
+        host_vehicle = mvs.host_vehicle(now)
+        objects = yield from mvs.kinematic_info_in_slices(now)
+        self.host_vehicle, self.objects = host_vehicle, objects
+        self._intersections.receive_host_vehicle(host_vehicle, frame, now)
+        yield
+        alarming = objects
         if self._claims is not None:
-            alarming = self._claims.alarming(self.objects, now)
-        heading = mvs.heading(now)
-        self._risk.assess(
-            self.host_vehicle,
+            alarming = self._claims.alarming(objects, now)
+            yield
+        yield from self._risk.assess_in_slices(
+            host_vehicle,
             alarming,
             now,
             heading=heading,
-            sensed=mvs.sensed_objects(now),
+            sensed=sensed,
             signals=self._intersections,
         )
+        yield
         offsets_m = (
             {}
-            if self.host_vehicle is None or heading is None
-            else remote_offsets_m(self.host_vehicle, self.objects, heading.heading_rad)
+            if host_vehicle is None or heading is None
+            else remote_offsets_m(host_vehicle, objects, heading.heading_rad)
         )
         self._identification.receive_offsets(
             {
