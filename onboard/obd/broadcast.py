@@ -118,7 +118,9 @@ class BroadcastSignals:
         for owner, signal in self._pedal:
             if owner is message and signal.name in values:
                 observations.append(
-                    BrakePedal(frame.stamp_s, bool(values[signal.name]), _source(owner, signal))
+                    BrakePedal(
+                        frame.stamp_s, _is_on(signal, values[signal.name]), _source(owner, signal)
+                    )
                 )
         for side, owner, signal in self._turn_signals:
             if owner is message and signal.name in values:

@@ -47,7 +47,7 @@ class BroadcastSettings(Settings):
     speed_unit: Literal["km/h", "m/s", "mph"] | None = None
     """Unit of the speed, if the DBC file has none or an unknown one."""
     brake_pedal: str | None = None
-    """Signal of the brake pedal; any value but 0 is pressed."""
+    """Signal of the brake pedal; pressed as `abs` is on."""
     turn_signal_left: str | None = None
     """Signal of the left turn signal: its lever or its lamp; on as `abs` is."""
     turn_signal_right: str | None = None

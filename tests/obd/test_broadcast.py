@@ -145,6 +145,13 @@ def test_the_brake_pedal(dbc: Path) -> None:
     ]
 
 
+def test_a_brake_pedal_that_is_not_available_is_not_pressed(dbc: Path) -> None:
+    """Of two bits, 2 is an error and 3 is "not available" (SAE J1939-71)."""
+    bus = bus_of(settings(dbc, brake_pedal="LAMPS.RIGHT"))
+    seen = received(bus, *(frame(2.0, "LAMPS", LEFT=0, RIGHT=value) for value in range(4)))
+    assert [each.pressed for each in every(BrakePedal, seen)] == [False, True, False, False]
+
+
 @pytest.mark.parametrize(
     ("names", "values", "cause"),
     [
