@@ -17,8 +17,8 @@ class RecorderSettings(Settings):
     """`digests`: an alias in place of each plate, constant within a drive and different in each.
     Recordings of both kinds can be replayed."""
     positions: bool = True
-    """Whether positions, crossings and J2735 messages are recorded; `replay --expect` needs
-    them."""
+    """Whether positions, crossings and messages that may have a position are recorded;
+    `replay --expect` needs them."""
     pictures_hz: float = Field(0.0, ge=0.0, le=30.0)
     """Rate of recorded camera images in Hz; they show plates and people."""
     picture_quality: int = Field(60, ge=1, le=100)

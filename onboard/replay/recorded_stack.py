@@ -63,7 +63,14 @@ def recorded_stack(
     stack = initial.stack(
         RecordingDigest(initial.config.security.plate_digest, record_identity), recorded_entropy
     )
-    tap = Tap(stack, writer.record, aliases, begins, positions=settings.positions)
+    tap = Tap(
+        stack,
+        writer.record,
+        aliases,
+        begins,
+        lcca_psid=initial.config.lcca_psid,
+        positions=settings.positions,
+    )
     return tap
 
 
@@ -89,4 +96,7 @@ def replayed_stack(
     stack = replace(initial, now=now, utc_s=utc_s).stack(
         digest, lambda: entropies.popleft() if entropies else None
     )
-    return Tap(stack, on_record, Aliases(in_clear=True), (now, utc_s), positions=True)
+    psid = initial.config.lcca_psid
+    return Tap(
+        stack, on_record, Aliases(in_clear=True), (now, utc_s), lcca_psid=psid, positions=True
+    )

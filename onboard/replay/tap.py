@@ -13,7 +13,7 @@ from onboard.observations import Curvature
 from onboard.recorder.identities import Aliases
 from onboard.recorder.records import RecordedMessage, StepEnd
 from onboard.security.plate_digest import PlateDigest
-from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs, send_later
+from onboard.step import Input, ProgramMessage, ReceivedWsm, SentWsm, StepOutputs, send_later
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
 from onboard.vehicle.framing import RadioFraming
@@ -23,9 +23,9 @@ from onboard.wave_udp.wsmp import WaveShortMessage
 
 POSITION_KINDS = frozenset({"position", "perceived_object", "signal_ahead"})
 """Kinds of events that hold a position, or name a crossing."""
-_WITH_POSITION = psid.J2735
-"""Services of WSMs that tell where the vehicle is; every GeoNetworking packet has the position of
-its sender."""
+_WITHOUT_POSITION = frozenset({psid.PEER_TO_PEER, psid.CRL})
+"""Services of WSMs that, as those of groups, do not tell where the vehicle is. Others may, those
+of other programs too; every GeoNetworking packet has the position of its sender."""
 
 
 class Tap:
@@ -38,6 +38,7 @@ class Tap:
         aliases: Aliases,
         begins: tuple[float, float],
         *,
+        lcca_psid: int,
         positions: bool,
     ) -> None:
         """Pass each record to `on_record`.
@@ -47,7 +48,8 @@ class Tap:
             on_record: takes a record; must return at once.
             aliases: names to record in place of plates.
             begins: start of the drive in s, on the clock of the cores and since 1970.
-            positions: whether records that hold positions are kept.
+            lcca_psid: service of the group messages.
+            positions: whether records that may hold positions are kept.
         """
         self._stack = stack
         self._on_record = on_record
@@ -55,6 +57,7 @@ class Tap:
         self._now, utc_s = begins
         self._utc_offset_s = utc_s - self._now
         self._positions = positions
+        self._without_position = _WITHOUT_POSITION | {lcca_psid}
 
     @property
     def last_step(self) -> tuple[float, float]:
@@ -142,16 +145,20 @@ class Tap:
             yield each
 
     def _record(self, direction: str, value: Event) -> None:
-        if self._positions or not _holds_position(value):
+        if self._positions or not self._may_hold_position(value):
             topic = f"/{direction}/{value.kind}"
             utc_s = self._now + self._utc_offset_s
             self._on_record(RecordedMessage(topic, utc_s, self._aliases.replace_plates(value)))
 
-
-def _holds_position(value: Event) -> bool:
-    if isinstance(value, ReceivedWsm | SentWsm):
-        try:
-            return wsmp.decode(value.data).psid in _WITH_POSITION
-        except DecodeError:
-            return True  # may be anything
-    return value.kind in POSITION_KINDS
+    def _may_hold_position(self, value: Event) -> bool:
+        match value:
+            case ReceivedWsm() | SentWsm():
+                try:
+                    service = wsmp.decode(value.data).psid
+                except DecodeError:
+                    return True
+            case ProgramMessage():
+                service = value.service
+            case _:
+                return value.kind in POSITION_KINDS
+        return service not in self._without_position

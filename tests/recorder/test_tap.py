@@ -18,7 +18,7 @@ from onboard.replay.initial_state import InitialState
 from onboard.replay.recorded_stack import recorded_stack
 from onboard.replay.tap import Tap
 from onboard.settings import parse_settings
-from onboard.step import Input, ReceivedWsm, SentWsm, StepOutputs
+from onboard.step import Input, ProgramMessage, ReceivedWsm, SentWsm, StepOutputs
 from onboard.trace.trace_line import Event
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
@@ -64,6 +64,10 @@ def test_a_message_is_sent_before_it_is_recorded_and_after_what_led_to_it(tmp_pa
     ]  # fmt: skip
 
 
+GROUPS = 0x4050
+"""PSID of the group messages, by the configuration."""
+
+
 def recorded_without_positions(inputs: Sequence[Input], events: list[Event]) -> list[str]:
     """Record one step of cores that put out `events`, and return the topics."""
     stack = create_autospec(Stack)
@@ -75,22 +79,32 @@ def recorded_without_positions(inputs: Sequence[Input], events: list[Event]) -> 
     stack.step.side_effect = step
     recorded: list[RecordedMessage] = []
     aliases = Aliases(in_clear=True)
-    tap = Tap(stack, recorded.append, aliases, (START_S, START_UTC_S), positions=False)
+    begins = START_S, START_UTC_S
+    tap = Tap(stack, recorded.append, aliases, begins, lcca_psid=GROUPS, positions=False)
     tap.step(inputs, START_S)
     return [each.topic for each in recorded]
 
 
+FREE = [GROUPS, psid.PEER_TO_PEER, psid.CRL]
+
+
 @pytest.mark.parametrize(
     ("service", "topics"),
-    [(psid.LCCA, ["/in/wsm", "/in/step"])] + [(each, ["/in/step"]) for each in sorted(psid.J2735)],
+    [(each, ["/in/wsm", "/in/program_message", "/in/step"]) for each in FREE]
+    + [(each, ["/in/step"]) for each in (*sorted(psid.J2735), psid.LCCA, 0x4055)],
 )
-def test_without_positions_no_message_with_a_place_is_recorded(
+def test_without_positions_no_message_that_may_have_a_place_is_recorded(
     service: int, topics: list[str]
 ) -> None:
-    """A MAP, or a pedestrian's PSM, tells where the vehicle is as well as a BSM does."""
-    wsm = wsmp.encode(WaveShortMessage(service, b"\x03\x80\x00"))
+    """A MAP, or a pedestrian's PSM, tells where the vehicle is as well as a BSM does.
 
-    assert recorded_without_positions([ReceivedWsm(START_S, wsm)], []) == topics
+    So may what other programs send, of which nothing is known.
+    """
+    data = b"\x03\x80\x00"
+    wsm = wsmp.encode(WaveShortMessage(service, data))
+    inputs: list[Input] = [ReceivedWsm(START_S, wsm), ProgramMessage(START_S, service, 3, data)]
+
+    assert recorded_without_positions(inputs, []) == topics
 
 
 def test_without_positions_no_crossing_is_recorded() -> None:
