@@ -9,6 +9,8 @@ from onboard.recorder.settings import RecorderSettings
 
 KEPT = "-kept"
 """Suffix of the name of a segment near an event."""
+LEAST_FREE_MIB = 16
+"""Kept free on the disk, for what is written until the next look."""
 _NAME = re.compile(rf"\d{{8}}T\d{{6}}\.\d{{3}}Z-\d{{4,}}({KEPT})?\.mcap")
 """Drive and segment number; other files in the folder are ignored."""
 
@@ -41,6 +43,7 @@ def kept_path(path: Path) -> Path:
 def segments_to_delete(
     stored: Iterable[StoredSegment],
     writing_bytes: int,
+    disk_bytes: int,
     settings: RecorderSettings,
     utc_s: float | None,
 ) -> list[Path]:
@@ -51,13 +54,13 @@ def segments_to_delete(
     Args:
         stored: the finished segments.
         writing_bytes: size of the segment that is being written.
+        disk_bytes: what is free on the disk.
         settings: limits of age and total size.
         utc_s: present time in s since 1970; `None` if the clock is in doubt: no age is known.
     """
     oldest_first = sorted(stored, key=lambda each: (each.is_kept, each.until_utc_s))
-    free_bytes = (
-        settings.ring_mib * 2**20 - writing_bytes - sum(each.size_bytes for each in oldest_first)
-    )
+    used_bytes = writing_bytes + sum(each.size_bytes for each in oldest_first)
+    free_bytes = min(settings.ring_mib * 2**20 - used_bytes, disk_bytes - LEAST_FREE_MIB * 2**20)
     deleted: list[Path] = []
     for each in oldest_first:
         lifetime_s = settings.kept_ring_s if each.is_kept else settings.ring_s

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,7 +116,7 @@ class Segments:
         return lost
 
     def _apply_retention(self, now: float, utc_s: float) -> None:
-        """Delete the segments that are too old or exceed the size limit."""
+        """Delete the segments that are too old or exceed the size limit or the disk."""
         # UTC may have been set since a segment ended; for this drive the clock of the cores counts.
         ended = {path: utc_s - (now - at) for at, path in self._ended}
         stored = []
@@ -129,7 +130,10 @@ class Segments:
         self._receive_clock(now, utc_s)
         is_steady = now - self._clock_set_at >= CLOCK_STEADY_S
         known_utc_s = utc_s if is_steady else None
-        for path in segments_to_delete(stored, writing_bytes, self._settings, known_utc_s):
+        disk_bytes = shutil.disk_usage(self._settings.folder).free
+        for path in segments_to_delete(
+            stored, writing_bytes, disk_bytes, self._settings, known_utc_s
+        ):
             path.unlink(missing_ok=True)
         self._retention_at = now + RETENTION_INTERVAL_S
         self._ended = [each for each in self._ended if each[1].exists()]

@@ -2,15 +2,22 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from onboard.obd.can_frame import CanFrame
 from onboard.observations import HardBrake
 from onboard.recorder.reader import RecordedDrive
 from onboard.recorder.records import Identity, RecordedMessage
-from onboard.recorder.retention import StoredSegment, kept_path, segments_to_delete
+from onboard.recorder.retention import (
+    LEAST_FREE_MIB,
+    StoredSegment,
+    kept_path,
+    segments_to_delete,
+)
 from onboard.recorder.segments import Segments
 from onboard.recorder.settings import RecorderSettings
 from onboard.step import BrakeButton, ReceivedWsm
@@ -25,11 +32,12 @@ def stored(name: str, age_s: float, size_mib: float = 1.0) -> StoredSegment:
     return StoredSegment(Path(f"{name}.mcap"), NOW_UTC_S - age_s, round(size_mib * MIB))
 
 
-def deleted(*segments: StoredSegment, writing_mib: float = 0.0, **settings: Any) -> list[str]:
+def deleted(
+    *segments: StoredSegment, writing_mib: float = 0.0, disk_mib: float = 1e6, **settings: Any
+) -> list[str]:
     chosen = RecorderSettings(folder=Path("/box"), **settings)
-    return [
-        p.stem for p in segments_to_delete(segments, round(writing_mib * MIB), chosen, NOW_UTC_S)
-    ]
+    sizes = round(writing_mib * MIB), round(disk_mib * MIB)
+    return [each.stem for each in segments_to_delete(segments, *sizes, chosen, NOW_UTC_S)]
 
 
 def test_old_segments_are_deleted_later_if_near_an_event() -> None:
@@ -46,6 +54,15 @@ def test_the_oldest_segments_are_deleted_until_the_rest_fits_near_events_last() 
     assert deleted(*segments, ring_mib=3.0) == ["b"]
     assert deleted(*segments, ring_mib=2.0, writing_mib=0.5) == ["b", "c", "d"]
     assert deleted(*segments, ring_mib=1.0, writing_mib=0.5) == ["b", "c", "d", "a-kept"]
+
+
+def test_the_oldest_segments_are_deleted_until_the_disk_has_room() -> None:
+    """Whatever `ring_mib` says: the disk may be smaller, or others may have filled it."""
+    segments = [stored("a-kept", 50.0), stored("b", 40.0), stored("c", 30.0)]
+
+    assert deleted(*segments, disk_mib=LEAST_FREE_MIB) == []
+    assert deleted(*segments, disk_mib=LEAST_FREE_MIB - 0.5) == ["b"]
+    assert deleted(*segments, disk_mib=0.0) == ["b", "c", "a-kept"]
 
 
 def test_the_suffix_of_kept_segments_is_added_once() -> None:
@@ -165,3 +182,19 @@ def test_each_segment_begins_with_the_valid_communication_ids(tmp_path: Path) ->
         each for each in RecordedDrive([tmp_path]).entries() if each.topic == "/in/identity"
     ]
     assert [each.record["stamp_s"] - HEADER.now_s for each in repeated] == [0.0, 15.0, 25.0]
+
+
+def test_a_full_disk_costs_the_oldest_segments_and_recording_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a disk with room for three segments."""
+
+    def usage(folder: Path) -> SimpleNamespace:
+        return SimpleNamespace(free=LEAST_FREE_MIB * MIB + 3 - len(names(folder)))
+
+    monkeypatch.setattr("onboard.recorder.segments.shutil.disk_usage", usage)
+    recorder = SegmentWriter(tmp_path, segment_s=10.0)
+    drive(recorder, until_s=200.0, brakes_at=500)
+
+    assert names(tmp_path)[-1] == "0019"
+    assert len(names(tmp_path)) <= 4
