@@ -76,6 +76,7 @@ class Daemon:
         self.config = config
         self._manager = manager
         credentials = read_own_credentials(config.security, config.car.plate, config.psids)
+        self._end_part()
         self._sinks = OutputSinks()
         self._driver_file = DriverFile(config.access.driver_file, DEFAULT_POPULATION)
         self._driver = self._driver_file.driver
@@ -94,6 +95,7 @@ class Daemon:
             ),
             entropy_source(config.seed),
         )
+        self._end_part()
         self._candidate_ids = CandidateIds(self._stack.digest, config.car.plate)
         self._wsms = ReceiveQueue(
             config.lcca_psid,
@@ -125,7 +127,9 @@ class Daemon:
             exits.callback(self._stop_stepping)
             self._sinks.open_files(self.config.trace, exits)
             self.save_driver()  # before driving, so that a file that cannot be written is reported
+            self._end_part()
             await self._wires.open(self._candidate_ids, exits)
+            self._end_part()
             await self._sinks.open_interface(
                 self.config.interface,
                 self._take_brake_button,
@@ -133,6 +137,7 @@ class Daemon:
                 self._take_message,
                 exits,
             )
+            self._end_part()
             await self._sinks.open_page(self.config, self._stack, self._take_brake_button, exits)
             self._plan_step()  # the vehicle is not deaf while the camera opens
             await self._wires.open_camera()
@@ -155,6 +160,10 @@ class Daemon:
             self._driver_file.save()
         except UserError as error:
             self._sinks.report_failure(FileUse.DRIVER, str(error))
+
+    def _end_part(self) -> None:
+        """Feed the watchdog after a part of a start: a reload has many, and takes no steps."""
+        self._manager.feed(time.monotonic())
 
     def _step(self) -> None:
         """Run one step of the cores: receive, decide, send, show, and arm the next timer."""

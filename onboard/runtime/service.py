@@ -8,6 +8,7 @@ the daemon continues with the previous one.
 import asyncio
 import os
 import signal
+import time
 from functools import partial
 from pathlib import Path
 
@@ -64,6 +65,7 @@ class Service:
                 proven = None
             else:
                 proven = daemon.config
+            self._manager.feed(time.monotonic())  # to close what was open may have taken a second
             daemon = successor
 
     async def _until_signal(self, running: Daemon) -> Daemon | None:
@@ -72,7 +74,9 @@ class Service:
             self._manager.reloading()
             running.save_driver()  # The next daemon reads it.
             try:
-                successor = Daemon(load_settings(self._file, CarConfig), self._manager)
+                config = load_settings(self._file, CarConfig)
+                self._manager.feed(time.monotonic())
+                successor = Daemon(config, self._manager)
             except UserError as error:
                 self._refuse(error)
                 self._manager.ready("configuration refused, continuing with the previous one")

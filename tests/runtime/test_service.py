@@ -1,14 +1,23 @@
 """The daemon as a service: notifications to systemd, and new configurations."""
 
+import asyncio
+import itertools
 import json
 import signal
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from onboard.runtime import daemon as daemon_module
+from onboard.runtime.daemon import Daemon
+from onboard.runtime.output_sinks import OutputSinks
 from onboard.runtime.systemd import Systemd
+from onboard.runtime.wires import Wires
+from onboard.settings import parse_settings
+from onboard.vehicle.config import CarConfig
 from tests.forked_daemon import ForkedDaemon
 from tests.recorder.waiting import wait_until
 
@@ -156,6 +165,39 @@ def test_the_watchdog_is_fed_several_times_in_its_interval_and_not_in_each_step(
 
     assert [systemd.notification() for _ in range(3)] == [{"WATCHDOG": "1"}] * 3
     assert systemd.is_empty()
+
+
+def test_the_watchdog_is_fed_between_the_parts_of_a_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reload takes no steps, and longer than a part of it does."""
+    order: list[str] = []
+    parts = [
+        (daemon_module, "read_own_credentials"),
+        (daemon_module, "recorded_stack"),
+        (OutputSinks, "open_files"),
+        (Wires, "open"),
+        (OutputSinks, "open_interface"),
+        (OutputSinks, "open_page"),
+    ]
+    for owner, name in parts:
+        do = getattr(owner, name)
+
+        def part(*arguments: Any, do: Any = do, name: str = name) -> Any:
+            order.append(name)
+            return do(*arguments)
+
+        monkeypatch.setattr(owner, name, part)
+    manager = Systemd({})
+    monkeypatch.setattr(manager, "feed", lambda _: order.append("fed"))
+
+    async def started() -> None:
+        order.append("started")
+
+    asyncio.run(
+        Daemon(parse_settings({"car": {"plate": "NEW1"}}, CarConfig, "test"), manager).run(started)
+    )
+
+    for part_name, following in itertools.pairwise([name for _, name in parts]):
+        assert "fed" in order[order.index(part_name) : order.index(following)], following
 
 
 def test_without_systemd_nothing_is_sent() -> None:
