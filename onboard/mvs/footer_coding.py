@@ -26,6 +26,7 @@ from onboard.tracking.evidence import (
     Measurement,
     Provenance,
     measured_ms,
+    observer_numbers_of,
     observer_of,
     observers_and_times,
 )
@@ -129,10 +130,10 @@ def fitting_entries(entries: Sequence[Entry], reference_ms: int, max_bytes: int)
 
 def _count_within(entries: Sequence[Entry], max_bytes: int) -> int:
     """Return how many of the first entries fit into a footer."""
-    named: set[bytes] = set()
+    named: set[int] = set()
     left_bytes = max_bytes - mvs_footer.HEADER.size_bytes
     for count, (_, piece) in enumerate(entries):
-        measured = Counter(map(observer_of, piece.provenance))
+        measured = Counter(observer_numbers_of(piece.provenance))
         left_bytes -= OBSERVER_BYTES * len(measured.keys() - named)
         named |= measured.keys()
         left_bytes -= (

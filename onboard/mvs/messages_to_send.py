@@ -69,6 +69,7 @@ class MessagesToSend:
         yield
         fitting = fitting_entries(chosen, now_ms, self._max_bytes)
         self._evidence.sent.receive_sent(fitting, reported, now_ms)
+        yield
         footer = footer_of(fitting, now_ms, frame, anchor)
         yield
         return mvs_footer.encode(footer)

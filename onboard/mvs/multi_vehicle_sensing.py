@@ -435,7 +435,8 @@ class MultiVehicleSensing(Core):
 
     def _process_in_slices(self, now: float) -> Generator[None, None, None]:
         """Assign what has arrived to tracks: detections first, then footers."""
-        are_many = self._are_many_tracks or len(self._waiting) > FOOTERS_TOGETHER
+        waiting = len(self._waiting)
+        are_many = waiting > (0 if self._are_many_tracks else FOOTERS_TOGETHER)
         images, refused = self._detections.take(self.own_id, now, self._utc_ms)
         self._events.extend(refused)
         if are_many:
@@ -445,7 +446,7 @@ class MultiVehicleSensing(Core):
                 yield from tracks.receive_in_slices(image)
         if are_many:
             yield
-        reading = self._read_in_slices()
+        reading = self._read_in_slices(waiting)
         batches, footers = (yield from reading) if are_many else result_of(reading)
         if batches:
             batch = EvidenceBatch.concatenate(batches)
@@ -453,12 +454,11 @@ class MultiVehicleSensing(Core):
             self._discard_entries(Counter((footers[at], "too_many_cars") for at in left_over))
 
     def _read_in_slices(
-        self,
+        self, waiting: int
     ) -> Generator[None, None, tuple[list[EvidenceBatch], list[ReceivedFooter]]]:
-        """Return the entries of waiting footers that are used, and the footer of each."""
+        """Return the entries that are used of the first footers, and the footer of each."""
         batches: list[EvidenceBatch] = []
         footers: list[ReceivedFooter] = []
-        waiting = len(self._waiting)
         for first in range(0, waiting, FOOTERS_TOGETHER):
             together = min(FOOTERS_TOGETHER, waiting - first)
             received, refused = yield from self._waiting.take_in_slices(together)

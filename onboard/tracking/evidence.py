@@ -65,7 +65,10 @@ def measured_ms(identity: MeasurementId) -> int:
 
 def observers_and_times(provenance: Provenance) -> list[tuple[bytes, int]]:
     """Return the measurements in a provenance, in order."""
-    return [(observer_of(each), measured_ms(each)) for each in sorted(provenance)]
+    return [
+        (observer_with_number(each >> _STAMP_BITS), each & _STAMP_MASK)
+        for each in sorted(provenance)
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

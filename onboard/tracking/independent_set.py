@@ -39,23 +39,26 @@ class _HasProvenance(Protocol):
 PieceT = TypeVar("PieceT", bound=_HasProvenance)
 
 
+class Bits(dict[Hashable, int]):
+    """A bit for each measurement, given to it when it is first asked for."""
+
+    def __missing__(self, measurement: Hashable) -> int:
+        bit = self[measurement] = 1 << len(self)
+        return bit
+
+    def mask(self, provenance: Iterable[Hashable]) -> int:
+        """Return the bits of all measurements in a provenance, each of which is in it once."""
+        return sum(map(self.__getitem__, provenance))
+
+
 def select_independent(provenances: Sequence[frozenset[Hashable]]) -> list[int]:
     """Return the indices of the independent set of most measurements and fewest entries.
 
     Exact up to `_MAX_STATES` undecided combinations. Among several such sets it is the one with the
     earlier entries, so preferred entries come first. Entries without a measurement are never taken.
     """
-    bits: dict[Hashable, int] = {}
-    masks = []
-    for provenance in provenances:
-        mask = 0
-        for measurement in provenance:
-            bit = bits.get(measurement)
-            if bit is None:
-                bit = bits[measurement] = 1 << len(bits)
-            mask |= bit
-        masks.append(mask)
-    return select_independent_masks(masks)
+    bits = Bits()
+    return select_independent_masks([bits.mask(provenance) for provenance in provenances])
 
 
 def select_independent_masks(masks: Sequence[int]) -> list[int]:

@@ -14,7 +14,7 @@ from onboard.tracking.evidence import (
     stamp_ms_of,
 )
 from onboard.tracking.evidence_store import OWN, Label, StoredEvidence
-from onboard.tracking.independent_set import select_independent_masks
+from onboard.tracking.independent_set import Bits, select_independent_masks
 
 MAX_EVIDENCE = 128
 """Pieces of evidence that a track keeps; bounds computing time."""
@@ -42,7 +42,7 @@ class Track:
         self.settled: list[StoredEvidence] = []
         """Evidence in use when it grew old: it stays in use, and its measurements are spent."""
         self._spent: set[MeasurementId] = set()
-        self._bits = _Bits()
+        self._bits = Bits()
         """One bit for each measurement of this vehicle."""
         self._has_changed = False
         """Whether evidence was added or dropped since it was last chosen."""
@@ -244,12 +244,4 @@ class Track:
             stored.mask = self._mask(stored.provenance)
 
     def _mask(self, provenance: Provenance) -> int:
-        return sum(map(self._bits.__getitem__, provenance))  # no two have a bit in common
-
-
-class _Bits(dict[MeasurementId, int]):
-    """A bit for each measurement, given to it when it is first asked for."""
-
-    def __missing__(self, identity: MeasurementId) -> int:
-        bit = self[identity] = 1 << len(self)
-        return bit
+        return self._bits.mask(provenance)

@@ -140,6 +140,8 @@ class Tracks:
     def receive_in_slices(self, batch: EvidenceBatch) -> Generator[None, None, list[int]]:
         """Do what `receive_evidence` does in slices, one if there are few entries."""
         first_row = self._store.append(batch.entries)
+        if len(batch) > _ENTRIES_AT_ONCE:
+            yield
         tracks_of_report: _TracksOfReport = defaultdict(set)
         unlabelled = yield from self._assign_labelled(batch, first_row, tracks_of_report)
         reports = [
@@ -287,6 +289,8 @@ class Tracks:
         index_of = {track.number: at for at, track in enumerate(self._tracks)}
         indices = [index_of[self._by_label[labels[row]].number] for row in labelled]
         states = self._states()[indices]
+        if len(labelled) > _ENTRIES_AT_ONCE:
+            yield
         inside = are_inside(batch.entries[labelled], states, GATE_PROBABILITY, q)
         if len(labelled) > _ENTRIES_AT_ONCE:
             yield
@@ -392,6 +396,7 @@ class Tracks:
 
     def _merge(self, now_ms: int) -> Generator[None, None, None]:
         tracks, states, q = self._tracks, self._states(), self._parameters.acceleration_density
+        yield
         merged, duplicates = merge_tracks(tracks, states, now_ms, q)
         self.merged = [(tracks[into], tracks[at]) for at, into in merged.items()]
         kept = [at for at in range(len(states)) if at not in merged]

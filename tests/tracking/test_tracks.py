@@ -164,6 +164,11 @@ def test_a_duplicate_that_is_not_reported_hides_no_other_track() -> None:
     assert [track.is_reported for track in tracks] == [True, False, True]
 
 
+def reported_by(tracks: Tracks) -> list[PerceivedObject]:
+    reported = without_radio(tracks)
+    return as_tracked_objects(1.3, 1300, reported, [each.placed for each in reported], 2.0)
+
+
 def placed_by(*seen: tuple[bytes, float, float]) -> PerceivedObject:
     """What is reported of one vehicle that each sender places elsewhere, by x and sigma in m."""
     tracks = Tracks()
@@ -172,7 +177,7 @@ def placed_by(*seen: tuple[bytes, float, float]) -> PerceivedObject:
         for sender, x_m, sigma_m in seen:
             evidence = estimated(x_m, 0, now_ms, by=sender or A, sigma_m=sigma_m)
             receive(tracks, sender, {1: evidence}, now_ms)
-    (reported,) = as_tracked_objects(1.3, 1300, without_radio(tracks), 2.0)
+    (reported,) = reported_by(tracks)
     return reported
 
 
@@ -205,7 +210,7 @@ def test_a_track_that_may_be_either_of_two_vehicles_moves_neither() -> None:
         receive(tracks, A, dict(seen), now_ms)
         receive(tracks, B, {1: estimated(0, 2.0, now_ms, by=B, sigma_m=0.9)}, now_ms)
 
-    reported = as_tracked_objects(1.3, 1300, without_radio(tracks), 2.0)
+    reported = reported_by(tracks)
     assert [each.state[1] for each in reported] == [0.0, 4.0]
 
 
