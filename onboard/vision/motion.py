@@ -84,6 +84,11 @@ class FrameMotion:
         self._pr *= sigma_m_s**2 / variance
         self._rr *= sigma_m_s**2 / variance
 
+    def move(self, by_m: float, by_m_s: float) -> None:
+        """Move position and rate: all measurements so far were by other axes."""
+        self._position_m += by_m
+        self._rate_m_s += by_m_s
+
     def scale(self, factor: float) -> None:
         """Multiply all lengths by `factor`: all measurements so far were in another unit."""
         self._position_m *= factor

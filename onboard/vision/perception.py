@@ -51,10 +51,10 @@ class Perception:
             parameters: periods and timeouts.
         """
         lane_m, finds_vehicles = settings.lane_width_m, networks.finds_vehicles
-        cameras = SizedCameras(calibration, settings, networks)
+        self._cameras = cameras = SizedCameras(calibration, settings, networks)
         self._admission = FrameAdmission(cameras)
         self._frozen_camera = FrozenCamera(parameters.frozen_after_s)
-        self._picture_watch = PictureWatch(lane_m)
+        self._picture_watch = PictureWatch(lane_m, has_mounting=cameras.has_mounting)
         self._rear = LeadRear(lane_m)
         self._schedule = SearchSchedule(parameters, finds_vehicles=finds_vehicles)
         self._lane_watch = LaneWatch(lane_m, finds_vehicles=finds_vehicles)
@@ -72,6 +72,7 @@ class Perception:
 
     def reset(self) -> None:
         """Drop all tracks and stamps: the next frame is of another drive."""
+        self._cameras.reset()
         self._admission.reset()
         self._picture_watch.reset()
         self._schedule.reset()
@@ -124,6 +125,9 @@ class Perception:
             track.receive_image(frame.image, frame.stamp_s)
         self._report(pairs, frame.stamp_s)
         self._rear.set_reference(frame, self._lead)
+        if turn_rad := self._picture_watch.take_turn_rad():
+            self._cameras.turn(turn_rad)
+            self._tracker.turn(turn_rad)
 
     def _report(self, pairs: list[tuple[Detection, VehicleTrack | None]], stamp_s: float) -> None:
         """Select the lead, and report it and all else that is seen."""

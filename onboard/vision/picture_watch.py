@@ -2,7 +2,8 @@
 
 One picture a second is examined, and the next one beside it shows where the vehicle heads. What is
 reported has been there for some seconds; a blurred or dazzled picture makes ranges less certain at
-once. Whether the camera is turned or dirty is judged only while the vehicle drives ahead.
+once. Whether the camera is turned or dirty is judged only while the vehicle drives ahead. A camera
+of unknown mounting is not turned or dirty: it is taken to look to where the vehicle heads.
 """
 
 import math
@@ -46,15 +47,23 @@ TURNED_RAD = 0.035
 degrees): of the clips, half of the pictures differ by up to that from their median, in bends."""
 FOCUSES, LEAST_FOCUSES = 20, 8
 """Pictures by which it is judged, at most and at least."""
+LEAST_HEADINGS = 5
+"""The same by which a camera of unknown mounting is turned: it only was assumed to look ahead."""
 _FAR_M = 1e6
 
 
 class PictureWatch:
     """Watches the pictures of one camera."""
 
-    def __init__(self, lane_width_m: float) -> None:
-        """Start with a clear picture; `lane_width_m` is the width of a common lane."""
+    def __init__(self, lane_width_m: float, *, has_mounting: bool = True) -> None:
+        """Start with a clear picture.
+
+        Args:
+            lane_width_m: of a common lane.
+            has_mounting: whether it is known where the camera looks.
+        """
         self._lane = LaneShape(lane_width_m)
+        self._has_mounting = has_mounting
         self.reset()
 
     def reset(self) -> None:
@@ -89,6 +98,19 @@ class PictureWatch:
         if Impairment.TURNED not in self._present:
             return 0.0
         return abs(float(np.median(self._turns, axis=0)[0]))
+
+    def take_turn_rad(self) -> float:
+        """Angle by which a camera of unknown mounting is to be turned to the left, 0 for none.
+
+        The next frames are by the turned camera. Three quarters of the pictures agree on the side.
+        """
+        if self._has_mounting or len(self._turns) < LEAST_HEADINGS:
+            return 0.0
+        lower, turn_rad, upper = np.quantile(np.array(self._turns)[:, 0], (0.25, 0.5, 0.75))
+        if max(lower, -upper) < TURNED_RAD:
+            return 0.0
+        self._turns = deque((each - (turn_rad, 0.0) for each in self._turns), maxlen=FOCUSES)
+        return float(turn_rad)
 
     def receive_frame(
         self, frame: AdmittedFrame, vehicles: Sequence[ImageBox], legibility: float
@@ -134,8 +156,6 @@ class PictureWatch:
     ) -> None:
         """Whether the camera is turned, or dirty: what it sees moves, but dirt does not."""
         camera = frame.camera
-        if camera.horizon is None:
-            return
         second = detail(frame.image)
         if first.shape != second.shape:
             return
@@ -146,8 +166,10 @@ class PictureWatch:
         ahead_px = camera.perspective.project(RoadPosition(_FAR_M, 0.0, 0.0))
         off_px = np.multiply(focus, scale) - ahead_px
         self._turns.append(np.arctan(off_px / camera.perspective.width_px(1.0, 1.0)))
-        if self._momentary or np.abs(np.median(self._turns, axis=0)).max() >= TURNED_RAD:
-            return  # nothing is sharp, or the horizon is elsewhere
+        if camera.horizon is None or self._momentary:
+            return  # nothing is known of the horizon, or nothing is sharp
+        if np.abs(np.median(self._turns, axis=0)).max() >= TURNED_RAD:
+            return  # it is elsewhere
         parts = camera.horizon.parts(frame.image, self._lane)
         for index, part in enumerate(parts):
             is_seen = part.is_sharp or part.level < LEAST_LEVEL
@@ -156,7 +178,7 @@ class PictureWatch:
 
     def _is_turned(self) -> bool:
         """Whether three quarters of the pictures are turned to the same side."""
-        if len(self._turns) < LEAST_FOCUSES:
+        if not self._has_mounting or len(self._turns) < LEAST_FOCUSES:
             return False
         lower, upper = np.quantile(np.array(self._turns), (0.25, 0.75), axis=0)
         return bool(np.maximum(lower, -upper).max() >= TURNED_RAD)

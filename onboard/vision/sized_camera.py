@@ -1,7 +1,7 @@
 """What perception knows of the camera for one size of its frames: geometry, and what searches them.
 
-A camera may change its size while driving; then the calibration is scaled, and all that was made
-from it is made anew.
+A camera may change its size while driving, or turn out to look elsewhere than was assumed; then the
+calibration is adapted, and all that was made from it is made anew.
 """
 
 import math
@@ -99,13 +99,24 @@ class SizedCameras:
         self._syntax = PlateSyntax(settings.plate_patterns)
         self.formats = PlateFormats(settings.plate_width_m)
         """Formats of plates in this drive."""
-        has_mounting = calibration is not None and calibration.has_mounting
-        self.slope = CALIBRATED_SLOPE if has_mounting else GUESSED_SLOPE
+        self._turned_rad = 0.0
+        self.has_mounting = calibration is not None and calibration.has_mounting
+        """Whether it is known where the camera looks."""
+        self.slope = CALIBRATED_SLOPE if self.has_mounting else GUESSED_SLOPE
         """Error of heights above the road, as a share of the distance."""
         has_lens = calibration is not None and calibration.has_lens
         self.lens_sigma = 0.0 if has_lens else GUESSED_LENS_SIGMA
         """Relative sigma of distances and speeds by the lens."""
         self._latest: SizedCamera | None = None
+
+    def reset(self) -> None:
+        """Forget where the camera looks: the next frame is of another drive."""
+        self.turn(-self._turned_rad)
+
+    def turn(self, by_rad: float) -> None:
+        """Turn the camera to the left: the vehicle heads so far to the right of where it looked."""
+        self._turned_rad += by_rad
+        self._latest = None
 
     def for_size(self, width_px: int, height_px: int) -> SizedCamera | None:
         """The camera with frames of this size, the same object while it does not change.
@@ -123,6 +134,8 @@ class SizedCameras:
         )
         if calibration is None:
             return None
+        yaw_rad = calibration.yaw_rad - self._turned_rad
+        calibration = calibration.model_copy(update={"yaw_rad": yaw_rad})
         self._latest = self._sized(Perspective(calibration), width_px, height_px)
         return self._latest
 
@@ -134,14 +147,13 @@ class SizedCameras:
 
     def _sized(self, perspective: Perspective, width_px: int, height_px: int) -> SizedCamera:
         given, lane_m = self._calibration, self._settings.lane_width_m
-        has_mounting = given is not None and given.has_mounting
         return SizedCamera(
             size_px=(width_px, height_px),
             perspective=perspective,
             road=_below_horizon(perspective, self.slope, width_px, height_px) if given else None,
             markings=LaneMarkingDetector(perspective, lane_m) if given else None,
-            free_lane=FreeLane(perspective, lane_m) if has_mounting else None,
-            horizon=Horizon(perspective, lane_m) if has_mounting else None,
+            free_lane=FreeLane(perspective, lane_m) if self.has_mounting else None,
+            horizon=Horizon(perspective, lane_m) if self.has_mounting else None,
             detectors=self._detectors(perspective),
         )
 

@@ -86,6 +86,11 @@ class Tracker:
                 track.corners_px = scaled.astype(np.float32)
         self._size_px = size_px
 
+    def turn(self, by_rad: float) -> None:
+        """Move all tracks to the left: the vehicle heads so far to the right of the assumed."""
+        for track in self.tracks:
+            track.right.move(-by_rad * track.ahead.position_m, -by_rad * track.ahead.rate_m_s)
+
     def receive_detections(
         self, detections: list[Detection], stamp_s: float
     ) -> list[tuple[Detection, VehicleTrack | None]]:

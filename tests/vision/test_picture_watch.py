@@ -9,13 +9,20 @@ import cv2
 import numpy as np
 import pytest
 
-from onboard.observations import Impairment, SensorImpaired
+from onboard.observations import Impairment, Lead, SensorImpaired
 from onboard.vision.blur import detail
 from onboard.vision.focus_of_expansion import focus_of_expansion
 from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
 from onboard.vision.frames import Image
+from onboard.vision.networks import load_perception
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.picture_watch import DARK_SIGMA, LEAST_FOCUSES, RANGE_SIGMA, PictureWatch
+from onboard.vision.picture_watch import (
+    DARK_SIGMA,
+    LEAST_FOCUSES,
+    LEAST_HEADINGS,
+    RANGE_SIGMA,
+    PictureWatch,
+)
 from onboard.vision.recordings import VideoFile
 from onboard.vision.settings import Calibration, VisionSettings, guessed_calibration
 from onboard.vision.sized_camera import Networks, SizedCameras
@@ -164,6 +171,26 @@ def test_a_camera_that_heads_elsewhere_than_calibrated_is_turned(
     assert sigma == RANGE_SIGMA[Impairment.TURNED]
     assert watch.bearing_sigma_rad == pytest.approx(abs(right_rad), abs=0.01)
     assert clear_events == []
+
+
+def test_a_camera_of_unknown_mounting_is_taken_to_look_where_the_vehicle_heads() -> None:
+    (ahead_px, _), tag_px = Perspective(LENS).project(RoadPosition(1e6, -2.5e5, 0.0)), 48
+    tags = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    grey = tags.generateImageMarker(1, tag_px - 8)
+    tag = cv2.copyMakeBorder(grey, 4, 4, 4, 4, cv2.BORDER_CONSTANT, value=255)[..., None]
+    perception = load_perception(None, VisionSettings(plates=False, tag_side_m=1.0))
+    left_px, top_px = round(ahead_px) - tag_px // 2, SIZE[1] // 2 - tag_px // 2
+    seen_s = []
+    for stamp_s, image in approached((ahead_px, SIZE[1] / 2)):
+        image[top_px : top_px + tag_px, left_px : left_px + tag_px] = tag
+        perception.receive_frame(image, stamp_s)
+        while (event := perception.next_event()) is not None:
+            if isinstance(event, Lead) and event.gap_m is not None:
+                seen_s.append(stamp_s)
+
+    # Until then the tag is 3.5 m beside the lane, at 14 m.
+    assert min(seen_s) >= LEAST_HEADINGS
+    assert seen_s[-4:] == [8.0, 8.1, 9.0, 9.1]
 
 
 def test_a_blurred_or_dazzled_camera_is_reported_after_some_seconds_and_until_it_sees() -> None:
