@@ -160,8 +160,8 @@ class PictureWatch:
         if first.shape != second.shape:
             return
         focus = focus_of_expansion(first, second)
-        if focus is None:
-            return
+        if focus is None or not 0.0 <= focus[0] <= first.shape[1]:
+            return  # while the vehicle turns, the focus is beside the picture
         scale = frame.image.shape[1] / first.shape[1]
         ahead_px = camera.perspective.project(RoadPosition(_FAR_M, 0.0, 0.0))
         off_px = np.multiply(focus, scale) - ahead_px

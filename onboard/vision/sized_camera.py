@@ -111,7 +111,8 @@ class SizedCameras:
 
     def reset(self) -> None:
         """Forget where the camera looks: the next frame is of another drive."""
-        self.turn(-self._turned_rad)
+        if self._turned_rad:
+            self.turn(-self._turned_rad)
 
     def turn(self, by_rad: float) -> None:
         """Turn the camera to the left: the vehicle heads so far to the right of where it looked."""
