@@ -240,7 +240,8 @@ class VehicleTrack:
             detection.position.ahead_m, max(detection.ahead_sigma_m, off_m / MAX_INNOVATION_SIGMAS)
         )
         self.right.update(detection.position.right_m, detection.right_sigma_m)
-        if detection.ahead_by_size_m is not None:
+        is_ahead = self.ahead.position_m > 0.0  # else the tracker drops it
+        if detection.ahead_by_size_m is not None and is_ahead:
             self._sizes += 1
             log_ratio = math.log(self.ahead.position_m / detection.ahead_by_size_m)
             share = max(INCONSISTENCY_SHARE, 1 / self._sizes)
