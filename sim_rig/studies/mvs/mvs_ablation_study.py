@@ -298,7 +298,7 @@ def _avoided(row: AblationRow, before: AblationRow, alarm: str, counted: str) ->
     else:
         assert isinstance(row, SimulatedRun)  # noqa: S101 (a skipped run has no radio that counts)
         happens = row.paper_alarm_crash if counted == "any" else row.paper_alarm_same_pair
-    return 0.0 if happens else row.probability
+    return 0.0 if happens else float(row.weight)
 
 
 _TWO_AVOIDED = {CrashOutcome.AVOIDED, CrashOutcome.ANOTHER}

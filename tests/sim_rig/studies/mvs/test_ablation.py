@@ -9,6 +9,7 @@ import pytest
 from sim_rig.roads.events import TrafficEventKind
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
+from sim_rig.studies.mvs.collision_table import changed
 from sim_rig.studies.mvs.encounter import Method
 from sim_rig.studies.mvs.mvs_ablation_study import AblationSettings, Driver, SimulatedStep, table
 from sim_rig.studies.mvs.outcomes import CrashOutcome
@@ -122,6 +123,19 @@ def test_a_step_counts_what_it_says() -> None:
     assert reductions["all"][4:12] == [*4 * [0.125], 0.25, 0.25, 0.125, 0.0]
     assert {line["avoidable"] for line in lines} == {0.25}
     assert {(line["false_warnings"], line["driven_h"]) for line in lines[:16]} == {(2, 0.01)}
+
+
+def test_a_calm_event_in_which_others_avoid_the_crash_counts_for_those_not_run() -> None:
+    """One in ten is run; `changed` of `mvs-figure9` counts it ten times."""
+    settings = SETTINGS.model_copy(update={"profiles": ("paper",), "drivers": (Driver.WARNED,)})
+    rows = rows_of_step("paper", Driver.WARNED, ("too_late", "too_late"))
+    rows[1] = replace(rows[1], crash=False, outcome=CrashOutcome.AVOIDED, weight=7.5)
+
+    first, *_ = [line for line in table(settings, rows) if line.alarm == "car's"]
+
+    without = [row for row in rows if row.method is Method.NONE]
+    avoided = changed(without, [row for row in rows if row.method is Method.MVS]).avoided
+    assert first.reduction == avoided / len(without) == 3.75
 
 
 @pytest.mark.long
