@@ -27,3 +27,7 @@ class AttackCounts:
     """Other vehicles that were taken for the one ahead."""
     attempts: int = 0
     """Claims of a braking lead vehicle that alarmed the driver."""
+    sent: int | None = None
+    """Frames of the insiders."""
+    received: int | None = None
+    """Of those, with headers and a signature that the vehicle that refuses most accepts."""

@@ -5,7 +5,7 @@ every alarm rests on claims alone.
 """
 
 import math
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from onboard.mvs.sdsm_coding import MeasuredObject, message_of
 from onboard.mvs.sdsm_coding import Sender as SharingSender
 from onboard.observations import (
     DetectionList,
+    Discarded,
     Lead,
     Position,
     Sensor,
@@ -60,6 +61,8 @@ Place = tuple[float, float]
 """Metres east and north of where the host vehicle starts."""
 Sender = Callable[[float], Iterable[bytes]]
 """Returns the WSMs that are sent at a time."""
+_OF_FRAMES = {WaveFraming.component, ItsG5Framing.component, "security"}
+"""What drops a frame before its message is read."""
 
 
 def placed(east_m: float, north_m: float) -> tuple[float, float]:
@@ -68,6 +71,25 @@ def placed(east_m: float, north_m: float) -> tuple[float, float]:
     latitude_deg = ORIGIN.latitude_deg + north_m / metres_per_degree
     slant = math.cos(math.radians(latitude_deg))
     return latitude_deg, ORIGIN.longitude_deg + east_m / (metres_per_degree * slant)
+
+
+class Counted:
+    """A sender whose WSMs are counted."""
+
+    def __init__(self, send: Sender) -> None:
+        """Nothing is sent yet."""
+        self._send, self.sent = send, 0
+
+    def __call__(self, now: float) -> Iterator[bytes]:
+        """Send as the sender does."""
+        for wsm in self._send(now):
+            self.sent += 1
+            yield wsm
+
+
+def refused(events: Iterable[Event]) -> int:
+    """Return how many frames a vehicle dropped for their headers or signature."""
+    return sum(isinstance(each, Discarded) and each.component in _OF_FRAMES for each in events)
 
 
 def claimed_id(alarm: Alarm) -> str:

@@ -36,7 +36,7 @@ from onboard.vehicle.config import CarConfig
 from onboard.vehicle.framing import bsm_sender
 from onboard.vehicle.stack import Stack
 from onboard.wave_udp import psid, wsmp
-from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed
+from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, Sender, placed, refused
 
 DIGEST = {"scrypt_log2_n": 1}
 Listener = Callable[[LccaMessage, bytes, float], Iterable[bytes]]
@@ -99,6 +99,8 @@ class AttackedGroup:
         """Insiders who answer what they receive, before others do."""
         self.temporary_id = bytes(4)
         """Of the leader's BSMs."""
+        self.sent = 0
+        """Frames of the insiders."""
         self.way_m = 0.0
         """Of the leader."""
         self.speed_m_s = SPEED_M_S
@@ -141,7 +143,7 @@ class AttackedGroup:
                     brake = HardBrake(self.now, level_m_s2, "obd", is_over=level_m_s2 == 0.0)
                     self._inputs[LEADER].append(brake)
             for wsm in (wsm for send in senders for wsm in send(self.now)):
-                self._broadcast(wsm)
+                self._inject(wsm)
             self._run(self.now + STEP_S)
 
     def warned(self, plate: str) -> list[Warned]:
@@ -175,6 +177,10 @@ class AttackedGroup:
                 origin = event.reasons[0].name if event.cause == LCCA else ""
                 active[key] = Warned(plate, bytes.fromhex(origin), event.stamp_s)
         return ended + list(active.values())
+
+    def received(self) -> int:
+        """Return how many frames of the insiders the follower received that refused most."""
+        return self.sent - max(refused(self._events_of(plate)) for plate in FOLLOWERS)
 
     def ignored(self) -> set[bytes]:
         """Return the signers that a follower ignores."""
@@ -237,7 +243,7 @@ class AttackedGroup:
                 for wsm in outputs.wsms:
                     self._broadcast(wsm.data, plate)
                     for answer in self._answers(wsm.data):
-                        self._broadcast(answer)
+                        self._inject(answer)
                 if plate == LEADER:
                     self._overhear(wsm.data for wsm in outputs.wsms)
                 else:
@@ -253,6 +259,11 @@ class AttackedGroup:
             message = lcca.decode(ieee1609dot2.decode(secured).payload).message
             for listener in self.listeners:
                 yield from listener(message, secured, self.now)
+
+    def _inject(self, wsm: bytes) -> None:
+        """Let all receive what an insider sends."""
+        self.sent += 1
+        self._broadcast(wsm)
 
     def _broadcast(self, wsm: bytes, sender: str | None = None) -> None:
         for number, plate in enumerate(PLATES):

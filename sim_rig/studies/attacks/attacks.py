@@ -21,10 +21,12 @@ from sim_rig.studies.attacks.attack_world import (
     SPEED_M_S,
     STEP_S,
     AttackedHost,
+    Counted,
     Place,
     Signer,
     claimed_id,
     pseudonyms_of,
+    refused,
 )
 from sim_rig.studies.attacks.brake_claims import (
     FACE_TO_CENTRE_M,
@@ -163,7 +165,7 @@ def run_host(
     host.signals = "left" if attack is AttackKind.BLIND_SPOT else None
     pseudonyms = partial(pseudonyms_of, utc_s=START_UTC_S, its_g5=by_its_g5)
     senders = [
-        partial(_by_turns, attack, host, pseudonyms(trial[name], n), n)
+        Counted(partial(_by_turns, attack, host, pseudonyms(trial[name], n), n))
         for n, name in enumerate(names[:insiders])
     ]
     true = [
@@ -173,6 +175,7 @@ def run_host(
     host.drive(seconds, *senders, partial(_true_vehicles, host, true))
     true_ids = {each.temporary_id.hex() for each in true}
     warned = _notices_s(host)
+    sent = sum(each.sent for each in senders)
     return AttackCounts(
         false_alarms=sum(claimed_id(alarm) not in true_ids for alarm in host.raised()),
         false_alarm_s=round(host.alarmed_s(true_ids), 1),
@@ -182,6 +185,8 @@ def run_host(
         least_notice_s=min(
             (round(warned[each], 1) for each in true_ids & warned.keys()), default=None
         ),
+        sent=sent,
+        received=sent - refused(host.events),
     )
 
 

@@ -97,6 +97,10 @@ class AttackRow:
     """Other vehicles that were taken for the one ahead."""
     attempts: int
     """Claims of a braking lead vehicle that alarmed the driver."""
+    sent: int | None
+    """Frames of the insiders."""
+    received: int | None
+    """Of those, with headers and a signature that the vehicle that refuses most accepts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +124,9 @@ class AttackLine:
     identified_s: float | None
     wrong_leads: int
     attempts: int
+    sent: int | None
+    """Of the first run."""
+    received: int | None
 
 
 def run(settings: AttacksSettings, case: AttackCase) -> AttackRow:
@@ -168,6 +175,8 @@ def _merged(runs: Sequence[AttackRow]) -> AttackLine:
         identified_s=_worst(row.identified_s for row in runs),
         wrong_leads=sum(row.wrong_leads for row in runs),
         attempts=sum(row.attempts for row in runs),
+        sent=first.sent,
+        received=first.received,
     )
 
 

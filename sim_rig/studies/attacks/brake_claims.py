@@ -6,6 +6,7 @@ which have no radio, they claim that they brake.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from enum import StrEnum
 from functools import partial
 from typing import NamedTuple
@@ -19,7 +20,14 @@ from onboard.security.p256 import key_from
 from onboard.tools.test_ca.authority import make_trial
 from onboard.wave_udp import psid
 from sim_rig.studies.attacks.attack_counts import AttackCounts
-from sim_rig.studies.attacks.attack_world import SPEED_M_S, STEP_S, AttackedHost, Signer
+from sim_rig.studies.attacks.attack_world import (
+    SPEED_M_S,
+    STEP_S,
+    AttackedHost,
+    Counted,
+    Signer,
+    refused,
+)
 
 GAP_M = 15.0
 LENGTH_M = 4.5
@@ -93,13 +101,15 @@ def run_brake_claims(
         brake_request={},
     )
     senders = [
-        partial(claimed.send, host, Signer(keys[name], utc_s), number)
+        Counted(partial(claimed.send, host, Signer(keys[name], utc_s, name[-4:].encode()), number))
         for number, name in enumerate(names)
     ]
     for _ in range(round(seconds / STEP_S)):
         _observe(host, claimed.sensors, rng)
         host.drive(STEP_S, *senders)
-    return _count(host, int(seconds // LEAD_EVERY_S))
+    sent = sum(each.sent for each in senders)
+    counts = _count(host, int(seconds // LEAD_EVERY_S))
+    return replace(counts, sent=sent, received=sent - refused(host.events))
 
 
 def _brakes(now: float) -> tuple[int, float, bool] | None:

@@ -112,6 +112,8 @@ def brake_under_attack(
         true_missed=sum(missed),
         identified_s=_identified_s(group),
         wrong_leads=sum(not is_right for plate in FOLLOWERS for _, is_right in group.leads(plate)),
+        sent=group.sent,
+        received=group.received(),
     )
 
 

@@ -1,12 +1,14 @@
 """The study of attacks: insiders cost three false alarms at most, and true ones are heard."""
 
 import csv
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
 from sim_rig.studies.attacks.attack_counts import AttackCounts
+from sim_rig.studies.attacks.attack_world import STEP_S, AttackedHost, Signer
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     IMPOSTURES,
@@ -15,7 +17,12 @@ from sim_rig.studies.attacks.attacks import (
     run_host,
 )
 from sim_rig.studies.attacks.attacks_study import STUDY, AttackRow, AttacksSettings
-from sim_rig.studies.attacks.brake_claims import LEAD_EVERY_S, run_brake_claims
+from sim_rig.studies.attacks.brake_claims import (
+    LEAD_EVERY_S,
+    ClaimedBraking,
+    OwnSensors,
+    run_brake_claims,
+)
 from sim_rig.studies.attacks.certificate_flood import (
     LEARNS_S,
     MEETS_S,
@@ -38,6 +45,17 @@ def test_the_table_tells_false_and_missed_alarms_with_and_without_checks(tmp_pat
     assert unchecked.startswith('"crossing vehicle, by BSM",1,False,1,40,')
     assert checked.startswith('"crossing vehicle, by BSM",2,True,1,40,4,')
     assert ",2,0,3," in checked
+
+
+def test_it_is_counted_what_insiders_send_and_what_of_it_their_certificates_let_through() -> None:
+    lasts_s = 5.0
+    claimed, replayed = (
+        run_host(attack, (1,), lasts_s, insiders=2, checks=True)
+        for attack in (AttackKind.BSM, AttackKind.REPLAYED_BRAKING)
+    )
+
+    assert (claimed.sent, claimed.received) == (100, 100)
+    assert (replayed.sent, replayed.received) == (100, 0)
 
 
 @pytest.mark.long
@@ -90,16 +108,31 @@ def test_a_true_braking_that_the_end_of_a_run_cuts_off_is_no_false_one() -> None
     assert (counts.false_alarms, counts.true_alarms) == (0, 0)
 
 
+def test_insiders_who_claim_brakings_have_an_id_each() -> None:
+    """Under one ID their measurements counted once, and five alarmed no more than one."""
+    ids = []
+
+    def send(_host: AttackedHost, signer: Signer, _insider: int, _now: float) -> Iterator[bytes]:
+        ids.append(signer.temporary_id)
+        yield from ()
+
+    claimed = ClaimedBraking(OwnSensors.DETECTOR, send)
+    run_brake_claims(claimed, (1,), START_UTC_S, STEP_S, insiders=3, checks=True)
+
+    assert len(set(ids)) == len(ids) == 3
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("attack", BRAKE_CLAIMS)
 def test_radio_alone_brakes_no_car_and_hides_no_braking_from_it(attack: AttackKind) -> None:
     """A BSM from the place of the camera's lead, its speed falling, braked a car each time."""
     counts = run_brake_claims(
-        BRAKE_CLAIMS[attack], (1,), START_UTC_S, 4.0 * LEAD_EVERY_S, insiders=2, checks=True
+        BRAKE_CLAIMS[attack], (1,), START_UTC_S, 4.0 * LEAD_EVERY_S, insiders=3, checks=True
     )
 
     assert (counts.false_alarms, counts.true_missed, counts.true_alarms) == (0, 0, 2)
     assert counts.attempts > 0
+    assert counts.sent == counts.received
 
 
 @pytest.mark.long
@@ -163,6 +196,7 @@ def test_who_speaks_for_others_silences_nothing_and_has_nobody_charged(
     assert int(row["false_alarms"]) == false_alarms
     assert row["honest_ignored"] == row["wrong_leads"] == "0"
     assert float(row["identified_s"]) <= IDENTIFIED_S + 1.0
+    assert row["received"] == row["sent"]
 
 
 @pytest.mark.long
