@@ -126,7 +126,7 @@ def test_the_help_of_a_study_says_what_a_setting_means_and_allows() -> None:
     lines = study_settings("mvs-figure9").splitlines()
 
     assert lines[lines.index("runs: 500") - 1] == "# Events of each kind."
-    assert "# Of: none, dsrc, own, mo, rs, mvs, onset, observer" in lines
+    assert "# Of: none, dsrc, own, mo, rs, mvs, onset, observer, in_view" in lines
     assert "  near_m: 80.0" in lines
 
 
