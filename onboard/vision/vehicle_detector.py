@@ -67,6 +67,8 @@ FAR_M, FAR_PX = 60.0, 40.0
 pixels. Of labelled vehicles from 64 px on, 42 of 44 are found."""
 _SAME_OVERLAP = 0.4
 """Intersection over union from which boxes around two rears are of one vehicle."""
+LEAST_PX = 1.0
+"""Least width and height of a box."""
 _BORDER_PX = 2.0
 """A side nearer to the image's border than this may be beyond it."""
 
@@ -88,7 +90,9 @@ class VehicleDetector:
             found += [
                 vehicle
                 for vehicle in self._finder.find(image, rear, self._most_scale)
-                if all(overlap(vehicle.box, other.box) < _SAME_OVERLAP for other in found)
+                # A box beyond the image is cut to nothing.
+                if min(vehicle.box.w_px, vehicle.box.h_px) >= LEAST_PX
+                and all(overlap(vehicle.box, other.box) < _SAME_OVERLAP for other in found)
             ]
         return [self._detection(vehicle, size) for vehicle in found]
 

@@ -176,3 +176,11 @@ def test_a_vehicle_is_found_in_a_reduced_image_at_the_same_place(most_scale: flo
     (reduced,) = finder.find(image, most_scale=most_scale)
 
     assert overlap(whole.box, reduced.box) > 0.8
+
+
+@pytest.mark.parametrize("size_px", [(50.0, 0.0), (0.0, 50.0)])
+def test_a_box_that_the_border_cuts_to_nothing_is_no_vehicle(size_px: tuple[float, float]) -> None:
+    box = ImageBox(100.0, float(CAMERA.height_px), *size_px)
+    finder = _Finder([VehicleBox(box, None, VehicleKind.CAR, 0.9)])
+
+    assert VehicleDetector(finder, _PERSPECTIVE).find(_IMAGE, SearchPlan(vehicles=True)) == []
