@@ -179,8 +179,8 @@ def _run(attack: AttackKind, *, checks: bool = True) -> AttackCounts:
         kind, seconds = IMPOSTURES[attack], QUIET_S + BRAKES_EVERY_S
         return run_imposture(kind, (1,), START_UTC_S, seconds, 1, checks=checks)
     if attack in BRAKE_CLAIMS:
-        seconds = 4.0 * LEAD_EVERY_S
-        return run_brake_claims(BRAKE_CLAIMS[attack], (1,), START_UTC_S, seconds, 1, checks=checks)
+        claims, seconds = BRAKE_CLAIMS[attack], 4.0 * LEAD_EVERY_S
+        return run_brake_claims(claims, (1,), START_UTC_S, seconds, insiders=3, checks=checks)
     return run_host(attack, (1,), 20.0, 1, checks=checks)
 
 
