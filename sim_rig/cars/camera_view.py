@@ -60,6 +60,8 @@ COLOURS_BGR = {
     "grey": (120, 115, 110),
 }
 _BRAKE_LIGHTS_M_S2 = -0.5
+_STRAIGHT = 2
+"""Points of a road without a bend."""
 
 
 class CameraView:
@@ -91,7 +93,7 @@ class CameraView:
             cars=tuple(car for _, car in self.cars(at_s)),
             lane_width_m=self._scenario.lane_width_m,
             travelled_m=self._road.car_at(self._car, at_s).front_m,
-            middle_m=self._lane_ahead(at_s, DRAWN_AHEAD_M) if self._road_settings.bends else (),
+            middle_m=self._drawn_lane(at_s),
         )
 
     def cars(self, at_s: float) -> list[tuple[str, SceneCar]]:
@@ -132,6 +134,15 @@ class CameraView:
         bend, heading, offset_m = np.polyfit(ahead_m, right_m, 2)
         lane_width_m = self._scenario.lane_width_m
         return LaneShape(lane_width_m, float(offset_m), float(heading), 2.0 * float(bend))
+
+    def _drawn_lane(self, at_s: float) -> tuple[tuple[float, float], ...]:
+        """Middle of the lane where it bends; none where it is straight, or turns off a road."""
+        settings = self._road_settings
+        if not settings.bends and len(settings.points_m) == _STRAIGHT:
+            return ()
+        points = self._lane_ahead(at_s, DRAWN_AHEAD_M)
+        ahead_m, right_m = np.diff(points, axis=0).T
+        return points if settings.bends or (ahead_m > np.abs(right_m)).all() else ()
 
     def _lane_ahead(self, at_s: float, ahead_m: Sequence[float]) -> tuple[tuple[float, float], ...]:
         own = self._road.car_at(self._car, at_s)
