@@ -127,12 +127,6 @@ def _may_be_fused(tracks: Sequence[Track]) -> bool:
     return len(frozenset().union(*provenances)) == sum(map(len, provenances))
 
 
-def distances_m(some: Array, others: Array) -> Array:
-    """Return distances (M, N) between positions (2, M) and (2, N)."""
-    apart: Array = np.hypot(*(some[:, :, None] - others[:, None, :]))
-    return apart
-
-
 def position_variances(states: StateArrays, now_ms: int, q: float) -> Array:
     """Return the variances (N) of predicted positions, summed over both axes, m^2.
 

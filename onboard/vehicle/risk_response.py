@@ -15,7 +15,6 @@ from onboard.sensors.host_state import HostState
 from onboard.step import HostObservation
 from onboard.trace.trace_line import Event
 from onboard.tracking.perceived_object import PerceivedObject
-from onboard.tracking.slices import result_of
 
 
 class RiskResponse:
@@ -64,26 +63,6 @@ class RiskResponse:
         if self.monitor.receive_event(event, now):
             self._request_braking(now)
 
-    def assess(
-        self,
-        own: PerceivedObject | None,
-        objects: Sequence[PerceivedObject],
-        now: float,
-        *,
-        heading: Heading | None,
-        sensed: Sequence[PerceivedObject] = (),
-        signals: Signals = NO_SIGNALS,
-    ) -> None:
-        """Assess every cause, at 10 Hz; as `RiskMonitor`.
-
-        `sensed` is what own sensors alone measure, for requests to brake.
-        """
-        result_of(
-            self.assess_in_slices(
-                own, objects, now, heading=heading, sensed=sensed, signals=signals
-            )
-        )
-
     def assess_in_slices(
         self,
         own: PerceivedObject | None,
@@ -94,7 +73,10 @@ class RiskResponse:
         sensed: Sequence[PerceivedObject] = (),
         signals: Signals = NO_SIGNALS,
     ) -> Generator[None, None, None]:
-        """Do what `assess` does in slices, between which events may be received."""
+        """Assess every cause, at 10 Hz, in slices; as `RiskMonitor`.
+
+        `sensed` is what own sensors alone measure, for requests to brake.
+        """
         yield from self.monitor.assess_in_slices(own, objects, now, signals, heading)
         if self._sensed_monitor is not None:
             yield

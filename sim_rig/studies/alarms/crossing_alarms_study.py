@@ -28,6 +28,7 @@ from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
 from onboard.settings import Settings
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
+from onboard.tracking.slices import result_of
 from onboard.vehicle.risk_response import RiskResponse
 from sim_rig.scenario.sensor_settings import ReceiverSettings
 from sim_rig.scenario.setting_types import Several
@@ -219,7 +220,7 @@ def _warned_s(
                 safety = VehicleSafetyExtensions(lights=ExteriorLights.LEFT_TURN_SIGNAL)
         response.monitor.receive_bsm(BasicSafetyMessage(core, safety), now)
         heading = Heading(_heading_rad(meeting, tick, host) + heading_error_rad, HEADING_SIGMA_RAD)
-        response.assess(own, [other], now, heading=heading)
+        result_of(response.assess_in_slices(own, [other], now, heading=heading))
         for event in iter(response.monitor.next_event, None):
             if isinstance(event, Alarm) and event.level is Level.WARNING:
                 yield now

@@ -15,6 +15,7 @@ from onboard.risk.settings import RiskSettings
 from onboard.sensors.host_state import HostState
 from onboard.step import Observation
 from onboard.tracking.perceived_object import PerceivedObject
+from onboard.tracking.slices import result_of
 from onboard.vehicle.risk_response import RiskResponse
 
 
@@ -94,7 +95,7 @@ class WarningModel:
         Returns:
             The active warnings, at most one of each cause and vehicle.
         """
-        self._response.assess(own, cars, now, heading=heading, sensed=sensed)
+        result_of(self._response.assess_in_slices(own, cars, now, heading=heading, sensed=sensed))
         self._objects |= {car.name: car for car in cars}
         while (event := self._response.monitor.next_event()) is not None:
             if isinstance(event, Alarm):
