@@ -106,7 +106,7 @@ class EngineerServer:
         )
 
     async def _entries(self, request: web.Request) -> web.Response:
-        """Return the entries from number `from` on."""
+        """Return `MAX_ENTRIES` entries at most from number `from` on, and if there are more."""
         try:
             first = max(int(request.query.get("from", "0")), 0)
         except ValueError:
@@ -117,6 +117,7 @@ class EngineerServer:
                 "start_s": self.run_view.start_s,
                 "now_s": time.monotonic(),
                 "next": first + len(entries),
+                "more": first + len(entries) < len(self.run_view.entries),
                 "entries": entries,
             },
             dumps=as_json,

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
+from sim_rig.engineer import server
 from sim_rig.engineer.run_view import RunView
 from sim_rig.engineer.server import EngineerServer
 from sim_rig.run_log.run_log import Record
@@ -60,7 +61,7 @@ class Shown:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The first 12 s of `fig4`, with one image each second and lost sensors."""
+    """The first 12 s of `fig4`, in many parts, with one image each second and lost sensors."""
     scenario = load_scenario("fig4").model_copy(update={"duration_s": 12.0})
     run = Shown(scenario, tmp_path_factory.mktemp("run"))
     lost = {"kind": "sensor_lost", "sensor": "camera"}
@@ -71,7 +72,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         grey = np.full((360, 640, 3), 10 * second, np.uint8)
         _, jpeg = cv2.imencode(".jpg", grey)
         run.server.images.add("red", run.offset_s + second, jpeg.tobytes())
-    with run as address:
+    with run as address, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(server, "MAX_ENTRIES", 500)
         yield address
 
 

@@ -76,11 +76,15 @@ async function poll() {
   if (poll.busy) return;
   poll.busy = true;
   try {
-    const answer = await (await fetch(`entries?from=${next}`)).json();
-    ({ start_s, now_s, next } = answer);
+    let answer;
+    do { // A page that is opened late receives the run in parts, and shows it once it has them all.
+      answer = await (await fetch(`entries?from=${next}`)).json();
+      answer.entries.forEach((entry) => store.add(entry));
+      next = answer.next;
+    } while (answer.more);
+    ({ start_s, now_s } = answer);
     received_ms = performance.now();
     isOver = false;
-    answer.entries.forEach((entry) => store.add(entry));
   } catch { isOver = true; } finally { poll.busy = false; }
   document.body.classList.toggle("over", isOver);
   if (paused_s === null) draw();
