@@ -74,17 +74,22 @@ class ApproachLane:
         east_m, north_m = position_m
         course_east, course_north = course
         found, last = None, self._segments[-1]
+        led, is_behind = False, False
         for each in self._segments:
             near_east_m, near_north_m, along_east, along_north, length_m, before_m = each
-            if along_east * course_east + along_north * course_north < _LEAST_COSINE:
-                continue
+            leads = along_east * course_east + along_north * course_north >= _LEAST_COSINE
             to_east_m, to_north_m = near_east_m - east_m, near_north_m - north_m
             to_near_m = to_east_m * along_east + to_north_m * along_north
-            most_m = length_m + BEYOND_M if each is last else length_m
-            if 0.0 <= to_near_m <= most_m:
+            place = None
+            if to_near_m < 0.0:
+                if is_behind and (led or leads):  # outside of a bend, where no part is beside it
+                    place = before_m, math.hypot(to_east_m, to_north_m)
+            elif leads and to_near_m <= (length_m + BEYOND_M if each is last else length_m):
                 aside_m = abs(to_east_m * along_north - to_north_m * along_east)
-                if found is None or aside_m < found[1]:
-                    found = before_m + to_near_m, aside_m
+                place = before_m + to_near_m, aside_m
+            if place is not None and (found is None or place[1] < found[1]):
+                found = place
+            led, is_behind = leads, to_near_m > length_m
         return found
 
 

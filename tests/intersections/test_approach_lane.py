@@ -1,5 +1,6 @@
 """Lanes of a MAP message, and which of them a vehicle is on."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -47,6 +48,24 @@ def test_a_vehicle_is_placed_by_position_and_course(
 ) -> None:
     (eastwards,) = lanes_of(EASTWARDS)
     assert eastwards.place(position_m, course) == place
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
+def test_outside_of_a_bend_no_part_is_beside_a_vehicle_and_the_bend_is_the_nearest_place(
+    side: float,
+) -> None:
+    """Else its signal was unknown for as long as it drove there."""
+    (bent,) = lanes_of(lane(1, [(0.0, 0.0), (-20.0, 0.0), (-40.0, side * 20.0)], signal_group=2))
+    halfway = (math.cos(math.pi / 8.0), side * -math.sin(math.pi / 8.0))
+    outside_m = (-20.0 - 1.5 * math.sin(math.pi / 8.0), side * -1.5 * math.cos(math.pi / 8.0))
+
+    assert bent.place(outside_m, halfway) == pytest.approx((20.0, 1.5))
+
+
+def test_past_the_stop_line_no_bend_close_before_it_is_the_place_of_a_vehicle() -> None:
+    (bent,) = lanes_of(lane(1, [(0.0, 0.0), (-1.0, 0.0), (-21.0, 20.0)], signal_group=2))
+
+    assert bent.place((0.3, -0.5), EAST) is None
 
 
 def test_a_node_may_have_a_position_instead_of_an_offset() -> None:
