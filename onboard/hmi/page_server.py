@@ -196,7 +196,10 @@ class PageServer:
         page = web.WebSocketResponse(
             timeout=CLOSE_TIMEOUT_S, max_msg_size=_MESSAGE_BYTES, compress=False
         )
-        await page.prepare(request)
+        try:
+            await page.prepare(request)
+        except ValueError:  # by base64, of a Sec-WebSocket-Key that is not ASCII
+            raise web.HTTPBadRequest from None
         self._pages.add(page)
         self._metrics.set_open_pages(len(self._pages))
         reader = FeedReader(self._feed)

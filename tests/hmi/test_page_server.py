@@ -111,6 +111,24 @@ def test_the_page_shows_the_build_that_runs() -> None:
     run(check())
 
 
+def test_a_web_socket_whose_key_is_not_ascii_is_a_bad_request_and_no_traceback(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    headers = {
+        "Upgrade": "websocket",
+        "Connection": "Upgrade",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "\u00e9",
+    }
+
+    async def check() -> None:
+        async with served() as it:
+            assert await it.status("views", headers=headers) == 400
+
+    run(check())
+    assert "Traceback" not in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("path", ["nothing.js", "../settings.py", "%2e%2e/settings.py", "fonts/"])
 def test_other_paths_are_not_found(path: str) -> None:
     async def check() -> None:
