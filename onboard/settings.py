@@ -6,7 +6,7 @@ vehicle.
 
 import difflib
 import json
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, get_args
@@ -37,7 +37,10 @@ Location = tuple[int | str, ...]
 
 MOST_ALIASED = 10_000
 """Values that the aliases of a file may stand for."""
+MOST_MISTAKES = 20
+"""Lines of an error, of which each names a mistake; more mistakes are counted."""
 
+_MERGE = "tag:yaml.org,2002:merge"
 _MOST_SHOWN = 200
 """Characters of a wrong value in an error."""
 _BINARY_KINDS = {
@@ -99,10 +102,18 @@ class _StrictLoader(yaml.SafeLoader):
 
     @override
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key, (key_node, value) in zip(keys, node.value, strict=True):
-            if keys.count(key) > 1:
-                raise _Refused(problem=f"key {key!r} is repeated", problem_mark=node.start_mark)
+        keys: set[Any] = set()
+        for key_node, value in node.value:
+            if key_node.tag == _MERGE:
+                raise _Refused(
+                    problem=f"{key_node.value} is not known here: write its keys out",
+                    problem_mark=key_node.start_mark,
+                )
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable):  # PyYAML refuses another one
+                if key in keys:
+                    raise _Refused(problem=f"key {key!r} is repeated", problem_mark=node.start_mark)
+                keys.add(key)
             if isinstance(value, yaml.ScalarNode) and value.value == "" and value.style is None:
                 raise _Refused(
                     problem=f"{key} is empty: give it a value ({{}} for a section with its"
@@ -116,8 +127,8 @@ def load_settings(path: Path, schema: type[SettingsT]) -> SettingsT:
     """Read the YAML file at `path` as a `schema`.
 
     Raises:
-        SettingsError: the file is missing, not YAML, or does not fit; the message has one line
-            per mistake.
+        SettingsError: the file is missing, not YAML, or does not fit; the message has a line
+            for each mistake, as far as `MOST_MISTAKES`.
     """
     try:
         data = path.read_bytes()
@@ -196,7 +207,9 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
         items = error.errors(include_url=False)
         if items[0]["type"] == "json_invalid":  # its input is the whole file, with the secrets
             raise SettingsError(f"{origin}: nested too deeply") from error
-        lines = [_explain(dict(item), schema) for item in items]
+        lines = [_explain(dict(item), schema) for item in items[:MOST_MISTAKES]]
+        if len(items) > MOST_MISTAKES:
+            lines.append(f"more mistakes: {len(items) - MOST_MISTAKES}")
         raise SettingsError("\n".join(f"{origin}: {line}" for line in lines)) from error
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field, SecretStr
 
-from onboard.settings import Settings, SettingsError, load_settings
+from onboard.settings import MOST_MISTAKES, Settings, SettingsError, load_settings
 from onboard.vehicle.config import CarConfig
 
 
@@ -107,6 +107,8 @@ ALIAS_BOMB = "v0: &v0 [1, 1, 1, 1]\n" + "".join(
         ("name: 00123", "name: is a text, write it in quotes (YAML understood 83)"),
         ("name: [a]", "name: Input should be a valid string (given ['a'])"),
         ("seed: 1\nseed: 2", "line 1, column 1: key 'seed' is repeated"),
+        ("wheels: [&w {radius_m: 1}, {<<: *w}]", "line 1, column 29: << is not known here: write"),
+        ("? [a]\n: 1", "not YAML: line 1, column 3: found unhashable key"),
         ("seed: [", "not YAML"),
         ("seed: 1\nname: 'a\nwheels: []", "line 2, column 7: this quote is not closed"),
         ("seed: 1\nname a\nwheels: []", "line 2, column 1: a key needs a colon and a space after"),
@@ -157,6 +159,16 @@ def test_a_null_that_is_written_out_is_a_value(yaml_file: Path) -> None:
 
 def test_every_mistake_has_a_line(yaml_file: Path) -> None:
     assert len(error_of(yaml_file, "sead: 1\nseed: x\n").splitlines()) == 2
+
+
+def test_of_many_mistakes_the_first_have_a_line_and_the_others_are_counted(
+    yaml_file: Path,
+) -> None:
+    """A dictionary that is taken for settings filled the screen, after minutes."""
+    lines = error_of(yaml_file, "".join(f"word{n}: {n}\n" for n in range(2000))).splitlines()
+
+    assert len(lines) == MOST_MISTAKES + 1
+    assert lines[-1] == f"{yaml_file}: more mistakes: {2000 - MOST_MISTAKES}"
 
 
 def test_a_missing_file_is_an_error_that_names_it(yaml_file: Path) -> None:
