@@ -99,8 +99,18 @@ def read_trace(path: Path) -> list[Record]:
         OSError: it cannot be read.
         ValueError: a line is no JSON object.
     """
-    text = path.read_text(encoding="utf-8")
-    records = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    records, _ = parse_trace(path.read_bytes())
+    return records
+
+
+def parse_trace(data: bytes) -> tuple[list[Record], int]:
+    """Return the records of the complete lines, and how many bytes these have.
+
+    Raises:
+        ValueError: a line is no JSON object.
+    """
+    complete = data[: data.rfind(b"\n") + 1]
+    records = [json.loads(line) for line in complete.splitlines()]
     if not all(isinstance(record, dict) for record in records):
         raise ValueError("a line is no JSON object")
-    return records
+    return records, len(complete)
