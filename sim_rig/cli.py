@@ -100,8 +100,8 @@ def run(
 ) -> None:
     """Run a scenario and print a report.
 
-    Exit with 1 if an expectation failed, and with 3 if nothing can be said: the machine was
-    busy, or a box could not be judged.
+    Exit with 1 if an expectation failed, and with 3 if nothing can be said: rig or daemons were
+    measured to be late, or a box could not be judged.
     """
     from sim_rig.runs.command import run_scenario  # noqa: PLC0415 (see above)
 

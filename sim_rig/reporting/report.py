@@ -45,6 +45,7 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
         pictures,
         _clocks(log),
         lateness_table(log.lateness),
+        lateness_table(log.daemon_lateness, of="the daemons"),
     ):
         if table.row_count:
             console.print(table)
@@ -55,7 +56,7 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
 
 def print_verdict(judged: Verdict, count: int, console: Console) -> None:
     """Print which of `count` expectations failed, or that none did, and what is not judged."""
-    failed = "[dim]not met[/dim]" if judged.rig_was_late else "[red]FAILED[/red]"
+    failed = "[dim]not met[/dim]" if judged.was_late else "[red]FAILED[/red]"
     for sentence in judged.failures:
         console.print(f"{failed} {sentence}", soft_wrap=True)
     for sentence in judged.invalid:
@@ -234,10 +235,10 @@ def _clocks(log: RunLog) -> Table:
     return table
 
 
-def lateness_table(lines: Iterable[LatenessLine]) -> Table:
-    """Table of how late the rig was."""
+def lateness_table(lines: Iterable[LatenessLine], of: str = "the rig") -> Table:
+    """Table of how late the rig was, or `of` something else."""
     numbers = ("n", "p50 ms", "p99 ms", "limit ms", "missed")
-    table = _empty_table("Lateness of the rig", ("what", *numbers), numbers)
+    table = _empty_table(f"Lateness of {of}", ("what", *numbers), numbers)
     for line in lines:
         table.add_row(
             line.what,

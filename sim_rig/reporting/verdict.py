@@ -35,35 +35,30 @@ class Verdict:
     """One for each deviation from the expectations."""
     invalid: tuple[str, ...]
     """One for each reason why a box, or an expectation, could not be judged."""
-    rig_was_late: bool
-    """Whether the rig, or the computer of a live run, had too little time for it."""
+    was_late: bool
+    """Whether the rig, or in a run that did not meet all expectations a daemon, was too late."""
     not_judged: tuple[str, ...] = ()
     """One for each expectation that a box without a recording cannot be judged by."""
 
     @property
     def outcome(self) -> Outcome:
-        """A late rig makes the run invalid, else one failure makes it fail."""
-        if self.failures and not self.rig_was_late:
+        """Lateness makes the run invalid, else one failure makes it fail."""
+        if self.failures and not self.was_late:
             return Outcome.FAILED
         return Outcome.INVALID if self.invalid else Outcome.PASSED
 
 
-def verdict(scenario: Scenario, log: RunLog, busy: str | None = None) -> Verdict:
+def verdict(scenario: Scenario, log: RunLog) -> Verdict:
     """Judge a run.
 
     An expectation is judged with the clock of each box at both ends of its uncertainty too; where
-    the results differ, nothing can be said. Whether the rig was late is asked of runs with a box
-    only: a process shares the rig's computer and its load. Of such a computer, `busy` says whether
-    it had other work, so that a failure says nothing; what was met in spite of it counts.
+    the results differ, nothing can be said. A late rig makes the run of a box invalid. Of a run on
+    the rig's computer alone, what was met in spite of lateness counts; what was not met is excused
+    by pictures, radio, ECUs or daemons that were measured to be late, and by nothing else: neither
+    the load of the computer nor that of the run itself says that anything came late.
     """
     failures: list[str] = []
     invalid = [f"{car}: not judged: {why}" for car, why in log.unjudged.items()]
-    late = [each for each in log.lateness if each.is_too_late] if _has_boxes(log) else []
-    invalid += [
-        f"the rig was late: {each.what} p99 {each.p99_s * 1e3:.0f} ms, limit"
-        f" {each.limit_s * 1e3:.0f} ms, {each.misses} of {each.n} missed"
-        for each in late
-    ]
     not_judged: list[str] = []
     for number, entry in enumerate(scenario.expect):
         judged = set(entry.cars_judged())
@@ -81,11 +76,21 @@ def verdict(scenario: Scenario, log: RunLog, busy: str | None = None) -> Verdict
             invalid.append(f"the clock is not known well enough to say whether {sentence}")
     if not_judged and len(not_judged) == len(scenario.expect):
         invalid.append("no expectation can be judged by the messages of a box")
-    if failures and busy is not None:
-        invalid.append(busy)
-    return Verdict(
-        tuple(failures), tuple(invalid), bool(late or busy is not None), tuple(not_judged)
-    )
+    late = list(_lateness(log, is_failed=bool(failures)))
+    return Verdict(tuple(failures), (*invalid, *late), bool(late), tuple(not_judged))
+
+
+def _lateness(log: RunLog, *, is_failed: bool) -> Iterator[str]:
+    """Yield a sentence for everything whose lateness keeps the run from being judged."""
+    rig = log.lateness if is_failed or _has_boxes(log) else ()
+    daemons = log.daemon_lateness if is_failed else ()
+    for subject, lines in (("the rig was", rig), ("the daemons were", daemons)):
+        for each in lines:
+            if each.is_too_late:
+                yield (
+                    f"{subject} late: {each.what} p99 {each.p99_s * 1e3:.0f} ms, limit"
+                    f" {each.limit_s * 1e3:.0f} ms, {each.misses} of {each.n} missed"
+                )
 
 
 def _possible(log: RunLog, entry: Expected) -> Iterator[RunLog]:

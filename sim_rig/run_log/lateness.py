@@ -1,6 +1,6 @@
 """How late the rig itself was, whose delay must not count as the car's."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,11 @@ class Lateness:
         """Yield a line for each kind that there was."""
         for what, late_s in self._late_s.items():
             if late_s:
-                p50_s, p99_s = np.percentile(late_s, [50, 99])
-                limit_s = LIMITS_S[what]
-                misses = sum(each > limit_s for each in late_s)
-                yield LatenessLine(what, len(late_s), float(p50_s), float(p99_s), limit_s, misses)
+                yield lateness_line(what, late_s, LIMITS_S[what])
+
+
+def lateness_line(what: str, late_s: Sequence[float], limit_s: float) -> LatenessLine:
+    """Return the line of outputs that were late by `late_s`, of which there is one at least."""
+    p50_s, p99_s = np.percentile(late_s, [50, 99])
+    misses = sum(each > limit_s for each in late_s)
+    return LatenessLine(what, len(late_s), float(p50_s), float(p99_s), limit_s, misses)

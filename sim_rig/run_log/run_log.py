@@ -37,6 +37,8 @@ class RunLog:
     """Build of `onboard` of each box, from its recording."""
     lateness: Sequence[LatenessLine] = ()
     """How late the rig was."""
+    daemon_lateness: Sequence[LatenessLine] = ()
+    """How late the daemons were that are processes of the rig's computer."""
 
     def shifted(self, car: str, by_s: float) -> "RunLog":
         """Return the log with all stamps of the trace of `car` moved by `by_s`."""

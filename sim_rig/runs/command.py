@@ -126,20 +126,15 @@ def run_and_report(
         f"{scenario.duration_s:g} s in {took_s:.1f} s, seed {seed}; traces,"
         f" recordings and picture in {folder}"
     )
-    judged = verdict(scenario, log, busy() if prepared is not log else None)
+    judged = verdict(scenario, log)
     print_verdict(judged, len(scenario.expect), console)
+    if judged.was_late:
+        console.print(
+            f"Load of this machine: {os.getloadavg()[0]:.1f}, cores: {os.cpu_count()}. Run it again"
+            " when it has less to do, or with --virtual",
+            soft_wrap=True,
+        )
     return log, judged.outcome
-
-
-def busy() -> str | None:
-    """Why a live run on this machine proves no failure; `None` if it had the time it needed."""
-    load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    if load <= cores:
-        return None
-    return (
-        f"this machine was busy (load {load:.1f}, {cores} cores), and real time does not wait:"
-        " run it again when it is not, or with --virtual"
-    )
 
 
 def only_virtual(scenario: Scenario) -> str | None:

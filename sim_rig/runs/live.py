@@ -12,6 +12,7 @@ import shutil
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AsyncExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -35,6 +36,7 @@ from sim_rig.radio.faulty_air import FaultyAir
 from sim_rig.radio.iwcu import RadioUnits
 from sim_rig.road_side.open_channel import open_channel
 from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.run_log.daemon_lateness import daemon_lateness
 from sim_rig.run_log.lateness import Lateness
 from sim_rig.run_log.rig_recorder import RigRecorder
 from sim_rig.run_log.run_log import Record, RunLog
@@ -184,7 +186,7 @@ class LiveTestbench:
             )
             for car, box in boxes.items()
         }
-        return RunLog(
+        log = RunLog(
             start_s=self.start_s,
             traces={
                 car: with_power_cuts(
@@ -207,6 +209,10 @@ class LiveTestbench:
             builds={car: box.build for car, box in boxes.items() if box.build is not None},
             lateness=self._lines,
         )
+        slowed = self._scenario.slowed_cars()
+        daemons = [car for car in self._processed if car not in slowed]
+        lines = daemon_lateness(log, daemons, 1.0 / self._scenario.lens.rate_hz)
+        return replace(log, daemon_lateness=tuple(lines))
 
     def _box_log(self, car: str, box: BoxSettings) -> BoxLog:
         if box.recording is None:

@@ -30,7 +30,7 @@ from onboard.wave_udp.settings import RadioProfile
 from sim_rig.scenario.background_settings import BackgroundSettings
 from sim_rig.scenario.catalogue import SCENARIOS, scenario_names
 from sim_rig.scenario.expectations import Expectation
-from sim_rig.scenario.faults import Attack, Fault, PlateMisread, PowerCut
+from sim_rig.scenario.faults import Attack, Fault, PlateMisread, PowerCut, SlowCpu
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
 from sim_rig.scenario.sensor_settings import (
@@ -281,6 +281,12 @@ class Scenario(Settings):
             at_s: time since the start of the scenario, s.
         """
         return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
+
+    def slowed_cars(self) -> frozenset[str]:
+        """Return the cars whose daemon is late by a fault, which excuses nothing."""
+        return frozenset(
+            fault.car for fault in self.faults if isinstance(fault, PowerCut | SlowCpu)
+        )
 
     def power_cuts(self) -> list[PowerCut]:
         """Return the power cuts of all cars."""

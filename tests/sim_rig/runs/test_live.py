@@ -16,7 +16,6 @@ from sim_rig.processes.gpsd import gpsd_program
 from sim_rig.processes.processes import ProcessError, Processes
 from sim_rig.reporting.verdict import Outcome, verdict
 from sim_rig.run_log.run_log import RunLog
-from sim_rig.runs.command import busy
 from sim_rig.runs.live import LiveTestbench
 from sim_rig.scenario.catalogue import scenario_names
 from sim_rig.scenario.schema import Scenario, load_scenario
@@ -45,7 +44,7 @@ def run_live(scenario: Scenario, folder: Path) -> RunLog:
 def test_real_daemons_meet_all_expectations(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
 
-    found = verdict(scenario, run_live(scenario, tmp_path), busy())
+    found = verdict(scenario, run_live(scenario, tmp_path))
     assert found.outcome is Outcome.PASSED, found
 
 
@@ -56,7 +55,7 @@ def test_real_daemons_meet_the_expectations_of_all_other_scenarios(
 ) -> None:
     scenario = live_scenario(name)
 
-    found = verdict(scenario, run_live(scenario, tmp_path), busy())
+    found = verdict(scenario, run_live(scenario, tmp_path))
     assert found.outcome is Outcome.PASSED, found
 
 

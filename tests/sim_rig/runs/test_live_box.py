@@ -184,7 +184,7 @@ def test_a_box_meets_the_expectations_of_a_process_and_can_be_replayed(
     drive = RecordedDrive([tmp_path / "run" / "box" / "red"])
     assert compare(drive).difference is None
     found = verdict(scenario, log)
-    if found.rig_was_late:
+    if found.was_late:
         pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
     assert (found.failures, found.invalid) == ((), ())
     assert found.outcome is Outcome.PASSED
@@ -218,7 +218,7 @@ def test_a_box_that_the_rig_starts_and_whose_power_it_cuts_is_judged_over_both_s
     assert len(log.clocks["red"]) == 2
     assert len(list((tmp_path / "run" / "box" / "red").iterdir())) == 2
     found = verdict(scenario, log)
-    if found.rig_was_late:
+    if found.was_late:
         pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
     assert (found.failures, found.invalid) == ((), ())
 
@@ -289,6 +289,6 @@ def test_a_car_can_be_the_only_process_among_those_that_the_rig_steps(
 
     found = verdict(scenario, asyncio.run(run()))
 
-    if found.rig_was_late:
+    if found.was_late:
         pytest.skip(f"the rig itself was late: {'; '.join(found.invalid)}")
     assert (found.failures, found.invalid) == ((), ())
