@@ -169,6 +169,8 @@ class PictureWatch:
         if camera.horizon is None or self._momentary:
             return  # nothing is known of the horizon, or nothing is sharp
         if np.abs(np.median(self._turns, axis=0)).max() >= TURNED_RAD:
+            if self._is_turned():
+                self._unsharp[:] = 0.0  # what was seen there before says nothing of now
             return  # it is elsewhere
         parts = camera.horizon.parts(frame.image, self._lane)
         for index, part in enumerate(parts):

@@ -156,9 +156,10 @@ class PlateDetector:
         grey = part if part.ndim == 2 else np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
         first = PlateDetection(last - origin, 1.0)
         found = self._refined(np.asarray(grey, np.uint8), first)
-        aside_px = np.abs(found.corners_px[:, 0] - first.corners_px[:, 0].mean()).max()
-        most_px = (_REFINED_VIEW_SIZE[0] / 2 - _CUT_PX) / _refined_scale(first.width_px)
-        if aside_px > most_px or found.score < min(LEAST_SCORE_AGAIN, self._least_score):
+        aside_px = found.corners_px[:, 0] - first.corners_px[:, 0].mean()
+        across_px = _REFINED_VIEW_SIZE[0] / 2 + _refined_scale(first.width_px) * aside_px
+        is_whole = _is_between(across_px.min(), across_px.max(), 0, _REFINED_VIEW_SIZE[0])
+        if not is_whole or found.score < min(LEAST_SCORE_AGAIN, self._least_score):
             return None
         return PlateDetection(found.corners_px + origin, found.score)
 
@@ -222,10 +223,15 @@ def fine_part(width_px: int, height_px: int) -> tuple[int, int, int, int]:
 
 def _is_cut(box: ImageBox, left: int, top: int, right: int, bottom: int) -> bool:
     """Whether the border of this part of an image may cut the box; the image's own is at 0."""
-    is_inside = (left == 0 or left + _CUT_PX <= box.x_px <= right - _CUT_PX - box.w_px) and (
-        top == 0 or top + _CUT_PX <= box.y_px <= bottom - _CUT_PX - box.h_px
+    is_inside = (left == 0 or _is_between(box.x_px, box.x_px + box.w_px, left, right)) and (
+        top == 0 or _is_between(box.y_px, box.y_px + box.h_px, top, bottom)
     )
     return not is_inside
+
+
+def _is_between(low: float, high: float, first: int, last: int) -> bool:
+    """Whether what spans these pixels is not cut by the borders of what a network gets."""
+    return first + _CUT_PX <= low and high <= last - _CUT_PX
 
 
 def _run(network: Network, grey: Image, least: float, sure: float) -> list[PlateDetection]:

@@ -110,8 +110,11 @@ class Calibration(Settings):
 
 
 def guessed_calibration(width_px: int, height_px: int) -> Calibration:
-    """Calibration that is assumed without a given one: 60 degrees wide, level, straight ahead."""
-    focal_px = 0.5 * width_px / math.tan(math.radians(30))
+    """Calibration that is assumed without a given one: level, straight ahead.
+
+    The longer side of the picture sees 60 degrees.
+    """
+    focal_px = 0.5 * max(width_px, height_px) / math.tan(math.radians(30))
     return Calibration(
         width_px=width_px,
         height_px=height_px,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.vision.perspective import Perspective, RoadPosition
-from onboard.vision.settings import Calibration, CameraSettings
+from onboard.vision.settings import Calibration, CameraSettings, guessed_calibration
 from sim_rig.rendering.scene import CameraRenderer, SceneCar
 
 ANGLES = st.floats(-0.1, 0.1)
@@ -105,3 +105,13 @@ def test_a_quadrilateral_seen_straight_on_has_its_own_shape() -> None:
     corners = np.array([[0, 0], [520, 0], [520, 110], [0, 110]], np.float32)
 
     assert math.isclose(Perspective(calibration()).shape(corners), 520 / 110, rel_tol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(200, 720), (720, 200), (64, 8192), (8192, 64), (720, 1280)])
+def test_a_picture_of_any_shape_has_a_guessed_lens_of_60_degrees_along_its_longer_side(
+    size: tuple[int, int],
+) -> None:
+    perspective = Perspective(guessed_calibration(*size))
+    half = math.tan(math.radians(30.0))
+
+    assert 2 * half * perspective.width_px(1.0, 1.0) == pytest.approx(max(size))

@@ -111,10 +111,12 @@ def watched_by(
     return events, sigma
 
 
-def approached(focus_px: tuple[float, float]) -> Iterator[tuple[float, Image]]:
+def approached(
+    focus_px: tuple[float, float], seconds: int = LEAST_FOCUSES + 2
+) -> Iterator[tuple[float, Image]]:
     """A wall that one drives at: pairs of pictures that grow from the focus, one pair a second."""
     width_px, height_px = SIZE
-    for second in range(LEAST_FOCUSES + 2):
+    for second in range(seconds):
         rng = np.random.default_rng(second)
         wall = rng.integers(60, 190, (height_px // 8, width_px // 8, 3), np.uint8)
         image = np.asarray(cv2.resize(wall, SIZE, interpolation=cv2.INTER_NEAREST), np.uint8)
@@ -171,6 +173,21 @@ def test_a_camera_that_heads_elsewhere_than_calibrated_is_turned(
     assert sigma == RANGE_SIGMA[Impairment.TURNED]
     assert watch.bearing_sigma_rad == pytest.approx(abs(right_rad), abs=0.01)
     assert clear_events == []
+
+
+def test_nothing_is_said_of_dirt_while_a_camera_is_turned() -> None:
+    camera, middle_px = mounted(LENS, 0.0, 0.0), SIZE[1] // 2
+    ahead_px = Perspective(LENS).project(RoadPosition(1e6, 0.0, 0.0))
+    aside_px = Perspective(LENS).project(RoadPosition(1e6, 1e5, 0.0))
+    before = list(approached(ahead_px))
+    after_s = before[-1][0] + 1.0
+    after = [(after_s + stamp_s, image) for stamp_s, image in approached(aside_px, 25)]
+    smeared = [(stamp_s, image.copy()) for stamp_s, image in (*before, *after)]
+    for _, image in smeared:
+        image[middle_px - 30 : middle_px + 30] = 128
+    events, _ = watched(iter(smeared), camera)
+
+    assert [event.impairments for event in events] == [(Impairment.DIRTY,), (Impairment.TURNED,)]
 
 
 def test_a_camera_of_unknown_mounting_is_taken_to_look_where_the_vehicle_heads() -> None:
