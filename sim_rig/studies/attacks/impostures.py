@@ -23,6 +23,7 @@ from onboard.messages.lcca import (
     Leave,
     LeaveReason,
     Reply,
+    Update,
     Warn,
     WarnCause,
 )
@@ -47,6 +48,8 @@ from sim_rig.studies.attacks.group_attacks import (
     brake_under_attack,
 )
 
+SEQUENCES = 1 << 16
+"""Of each sequence number."""
 CHANGE_S = 46.0
 """From the start until all IDs change."""
 ELSEWHERE = "DDD4"
@@ -91,29 +94,56 @@ class Plates:
 
 
 class Hijack(Imposture):
-    """Answers each inquiry for the leader, and sends all else in its name and its follower's."""
+    """Answers for the leader, and sends all else in its name and its follower's.
+
+    Its numbers are the next ones of these vehicles, as anybody in radio range knows them.
+    """
+
+    def __init__(self, insider: GroupInsider, group: AttackedGroup, plates: Plates) -> None:
+        super().__init__(insider, group, plates)
+        self._join_sequence = self._leader_sequence = 0
+        """Newest ones of the follower's joins, and of the leader's replies."""
 
     @override
     def answers(self, message: LccaMessage, _secured: bytes, now: float) -> Iterator[bytes]:
-        """Answer before the leader does."""
-        if isinstance(message, Inquiry):
-            lead = self.plates.car_id(LEADER, now)
-            evil = self.insider.temporary_id
-            answer = Answer(lead, message.sender_id, message.sequence, evil, SPEED_M_S)
-            yield self.insider.signed(answer, now)
+        """Answer inquiries and joins before the leader does."""
+        lead, follower = self._named(now)
+        asks = message.sender_id
+        match message:
+            case Inquiry():
+                evil = self.insider.temporary_id
+                answer = Answer(lead, asks, message.sequence, evil, SPEED_M_S)
+                yield self.insider.signed(answer, now)
+            case Reply(sender_id=sender) if sender == lead:
+                self._leader_sequence = message.leader_sequence
+            case Join(to_id=asked) if asked == lead:
+                if asks == follower:
+                    self._join_sequence = message.sequence
+                number = (self._leader_sequence + 1) % SEQUENCES
+                reply = Reply(lead, lead, 9, asks, message.sequence, number, SPEED_M_S, NO_ID)
+                yield self.insider.signed(reply, now)
 
     @override
     def sends(self, now: float) -> Iterator[bytes]:
-        """Warn, reply, leave and join for others."""
-        lead, follower = (self.plates.car_id(plate, now) for plate in PLATES[:2])
-        sequence = round(now / STEP_S) // PERIOD_MESSAGES % (1 << 16)
-        own = braking(lead, lead, sequence)
+        """Warn, end warnings, renumber, leave and join for others."""
+        lead, follower = self._named(now)
+        newest = self.group.newest
+        own = braking(lead, lead, newest + 1)
         yield self.insider.signed(own, now)
-        yield self.insider.signed(replace(own, cause=WarnCause.OVER), now)
+        for sequence in (newest, newest + 1):
+            end = replace(braking(lead, lead, sequence), cause=WarnCause.OVER)
+            yield self.insider.signed(replace(end, first_sequence=newest), now)
         yield self.insider.signed(replace(own, sender_id=self.insider.own_id(now)), now)
-        yield self.insider.signed(Reply(lead, lead, 9, follower, 1, 1, SPEED_M_S, NO_ID), now)
+        number = (self._leader_sequence + 1) % SEQUENCES
+        yield self.insider.signed(Update(lead, lead, 9, number), now)
         yield self.insider.signed(Leave(follower, lead, 2, lead, LeaveReason.GAP), now)
-        yield self.insider.signed(Join(follower, lead, 2, lead, 9, lead, sequence), now)
+        sequence = (self._join_sequence + 1) % SEQUENCES
+        yield self.insider.signed(Join(follower, lead, 2, lead, sequence, lead, newest), now)
+
+    def _named(self, now: float) -> tuple[CarId, CarId]:
+        """Return the IDs of the leader and of its follower."""
+        lead, follower = (self.plates.car_id(plate, now) for plate in PLATES[:2])
+        return lead, follower
 
 
 class Framing(Imposture):
@@ -159,7 +189,7 @@ class Oracle(Imposture):
         self.own_ids.add(own)
         names = [self.plates.car_id(plate, now)[:NAME_BYTES] for plate in PLATES]
         names += [number.to_bytes(2) + bytes((0xEE, at)) for at in range(MAX_NAMES - len(names))]
-        yield self.insider.signed(Inquiry(own, number % (1 << 16), tuple(sorted(names))), now)
+        yield self.insider.signed(Inquiry(own, number % SEQUENCES, tuple(sorted(names))), now)
 
 
 def run_imposture(
@@ -239,7 +269,7 @@ class _AnswersCounted:
 
 def braking(origin: CarId, leader: CarId, sequence: int) -> Warn:
     """Return a warning of a braking as its own vehicle sends it."""
-    sequence %= 1 << 16
+    sequence %= SEQUENCES
     return Warn(
         origin, leader, 1, origin, sequence, 5, 1, sequence, WarnCause.DECELERATION, 8.0, 0.01, 1
     )

@@ -1,14 +1,23 @@
 """The study of attacks: insiders cost three false alarms at most, and true ones are heard."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from onboard.messages import lcca
+from onboard.security import ieee1609dot2
+from onboard.security.p256 import key_from
+from onboard.security.plate_digest import PlateDigest
+from onboard.security.settings import PlateDigestSettings
+from onboard.tools.test_ca.authority import KnownPlate, make_trial
+from onboard.wave_udp import psid, wsmp
 from sim_rig.studies.attacks.attack_counts import AttackCounts
 from sim_rig.studies.attacks.attack_world import STEP_S, AttackedHost, Signer
+from sim_rig.studies.attacks.attacked_group import DIGEST, PLATES, AttackedGroup
 from sim_rig.studies.attacks.attacks import (
     BRAKE_CLAIMS,
     IMPOSTURES,
@@ -29,8 +38,8 @@ from sim_rig.studies.attacks.certificate_flood import (
     run_certificate_flood,
 )
 from sim_rig.studies.attacks.forged_messages import NextLeader
-from sim_rig.studies.attacks.group_attacks import QUIET_S
-from sim_rig.studies.attacks.impostures import run_imposture
+from sim_rig.studies.attacks.group_attacks import QUIET_S, GroupInsider
+from sim_rig.studies.attacks.impostures import Hijack, Plates, run_imposture
 from sim_rig.studies.campaigns.campaign import Workers
 
 FEW = AttacksSettings(attacks=(AttackKind.BSM,), insiders=(2,), seconds=40.0)
@@ -160,6 +169,43 @@ def test_a_red_light_that_a_vehicle_shows_is_none() -> None:
     counts = run_host(AttackKind.SIGNALS, (1,), 20.0, insiders=1, checks=True)
 
     assert (counts.true_alarms, counts.true_missed, counts.false_alarms) == (1, 0, 0)
+
+
+def test_who_speaks_for_the_leader_gives_its_messages_the_next_numbers_of_its_vehicles() -> None:
+    """With constant numbers they were old, and stopped by that, whoever's ID was proved."""
+    digest = PlateDigest(PlateDigestSettings.model_validate(DIGEST))
+    plates = {plate: KnownPlate(plate, digest) for plate in (*PLATES, "EVIL0")}
+    new_key = key_from(np.random.default_rng(1))
+    keys = make_trial(
+        plates, {psid.BSM, psid.LCCA}, START_UTC_S, new_key, pseudonyms=1, plates=plates
+    )
+    group = AttackedGroup(keys, START_UTC_S, [np.random.default_rng(n) for n in range(len(PLATES))])
+    insider = GroupInsider("EVIL0", digest, keys["EVIL0"], START_UTC_S)
+    hijack = Hijack(insider, group, Plates(START_UTC_S, digest, insider))
+    lead, follower = (digest.car_id(plate, START_UTC_S) for plate in PLATES[:2])
+    heard: list[lcca.LccaMessage] = [
+        lcca.Reply(lead, lead, 1, follower, 699, 65535, None, lcca.NO_ID),
+        lcca.Join(follower, lead, 2, lead, 700, lcca.NO_ID, 0),
+    ]
+    group.newest = 40
+
+    (reply,) = _said(wsm for each in heard for wsm in hijack.answers(each, b"", 0.0))
+    sent = _said(hijack.sends(0.0))
+
+    assert isinstance(reply, lcca.Reply)
+    assert (reply.sequence, reply.leader_sequence) == (700, 0)
+    assert {each.sequence for each in sent if isinstance(each, lcca.Join)} == {701}
+    warns = [each for each in sent if isinstance(each, lcca.Warn)]
+    assert {(each.event_sequence, each.cause) for each in warns if each.is_direct} == {
+        (41, lcca.WarnCause.DECELERATION),
+        (40, lcca.WarnCause.OVER),
+        (41, lcca.WarnCause.OVER),
+    }
+
+
+def _said(wsms: Iterable[bytes]) -> list[lcca.LccaMessage]:
+    secured = [ieee1609dot2.decode(wsmp.decode(wsm).payload) for wsm in wsms]
+    return [lcca.decode(each.payload).message for each in secured]
 
 
 FALSE_ALARMS = dict.fromkeys(IMPOSTURES, 0) | {AttackKind.FRAMING: 3, AttackKind.TESTS: 3}

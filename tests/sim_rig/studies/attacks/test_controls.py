@@ -140,7 +140,7 @@ CONTROLS: dict[AttackKind, Control] = {
         (ORIGIN, (group_warnings, "warn_refusal", _end_of_anybody)), _missed
     ),
     AttackKind.GROUP_EARLY: Control((ORIGIN,), _false),
-    AttackKind.HIJACK: Control((PROOF,), _late),
+    AttackKind.HIJACK: Control((PROOF, UNIQUE), _missed),
     AttackKind.JOINS: Control((PROOF, UNIQUE), _missed),
     AttackKind.REPLIES: Control(((Membership, "refusal", lambda *_: None),), _missed),
     AttackKind.LEAVES: Control((PROOF, UNIQUE, AS_REPLY, AS_JOIN), _missed),
@@ -210,6 +210,19 @@ def test_where_no_id_is_proved_leaves_dispute_the_followers_ids_and_nobody_misse
     monkeypatch.setattr(*PROOF)
 
     assert _run(AttackKind.LEAVES).true_missed == 0
+
+
+@pytest.mark.long
+def test_where_no_id_is_proved_who_answers_for_the_leader_hides_it_and_no_warning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two answer for one ID; what either sends in its name ends no warning."""
+    monkeypatch.setattr(*PROOF)
+
+    counts = _run(AttackKind.HIJACK)
+
+    assert _late(counts)
+    assert counts.true_missed == 0
 
 
 def test_a_red_light_of_an_insider_who_may_send_it_silences_a_true_alarm() -> None:
