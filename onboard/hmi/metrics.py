@@ -97,6 +97,7 @@ class Metrics:
             self._sensor_up.labels(sensor.value).set(1)
         for row in alarm_table.ALARMS:
             self._alarm_level.labels(row.cause).set(0)
+        self._counters: dict[str, Counter] = {}
         self._present_alarms: dict[AlarmKey, Level] = {}
         """By cause and vehicle."""
         for value in (self._gap, self._speed, self._recording):
@@ -106,7 +107,7 @@ class Metrics:
 
     def receive_event(self, event: Event) -> None:
         """Count an event of the stack."""
-        self._events.labels(event.kind).inc()
+        self._counter_of(event.kind).inc()
         match event:
             case Discarded():
                 self._discarded.labels(event.component, event.reason).inc()
@@ -132,6 +133,13 @@ class Metrics:
                 self._speed.set(event.speed_m_s)
             case Lead():
                 self._gap.set(float("nan") if event.gap_m is None else event.gap_m)
+
+    def _counter_of(self, kind: str) -> Counter:
+        """Return the counter of a kind of events, whose look-up by its label takes longer."""
+        counter = self._counters.get(kind)
+        if counter is None:
+            counter = self._counters[kind] = self._events.labels(kind)
+        return counter
 
     def _receive_storage(self, event: RecorderState | FileFailure) -> None:
         if isinstance(event, FileFailure):

@@ -300,8 +300,9 @@ class Forwarding:
 
     def get_timer(self) -> float:
         """When a copy may be due; infinite if none is planned."""
-        due = (min(entry.repeat_at, entry.check_at) for entry in self._messages.values())
-        return min(due, default=math.inf)
+        if not self._messages:
+            return math.inf
+        return min(min(entry.repeat_at, entry.check_at) for entry in self._messages.values())
 
     def copies_to_send(self, *, is_member: bool, now: float) -> list[Warn]:
         """Return the copies that are due, with this vehicle's present leader and number.

@@ -193,6 +193,8 @@ class WarningGroup(Core):
 
     def messages_to_send(self, now: float) -> list[GroupMessage]:
         """Return the messages to send, the most urgent first, and clear the outbox."""
+        if not self._to_answer and not self._outbox:
+            return []
         replies = [self._reply(join, now) for join in self._to_answer]
         out = sorted([*self._outbox, *replies], key=lambda message: -message.user_priority)
         self._to_answer.clear()

@@ -60,7 +60,7 @@ class BlackBox:
         """
         self.settings = settings
         self._on_state = on_state
-        self._queue: queue.Queue[RecordedMessage] = queue.Queue(QUEUE_RECORDS)
+        self._queue: queue.SimpleQueue[RecordedMessage] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._count_lock = threading.Lock()
         self._lost = 0
@@ -95,23 +95,27 @@ class BlackBox:
 
     def record(self, record: RecordedMessage) -> None:
         """Queue a record; returns at once, and may be called from any thread."""
-        try:
-            if self._lost:
-                self._mark_gap(record)
-            self._queue.put_nowait(record)
-        except queue.Full:
+        if self._lost:
+            self._mark_gap(record)
+        if self._lost or not self._put(record):
             self._count_lost()
             if self._reported[0] == "":
                 self._report(TOO_SLOW)
 
+    def _put(self, record: RecordedMessage) -> bool:
+        """Queue a record; returns whether there was room: threads at once may find one too much."""
+        if self._queue.qsize() >= QUEUE_RECORDS:
+            return False
+        self._queue.put(record)
+        return True
+
     def _mark_gap(self, record: RecordedMessage) -> None:
-        """Queue a gap for the records that were lost before this one."""
+        """Queue a gap for the records that were lost before this one, if there is room."""
         with self._count_lock:
-            if self._lost:
-                gap = RecordingGap(record.value.stamp_s, self._lost)
-                self._queue.put_nowait(
-                    RecordedMessage("/recorder/recording_gap", record.utc_s, gap)
-                )
+            gap = RecordingGap(record.value.stamp_s, self._lost)
+            if self._lost and self._put(
+                RecordedMessage("/recorder/recording_gap", record.utc_s, gap)
+            ):
                 self._lost = 0
 
     def record_picture(self, stamp_s: float, jpeg: bytes) -> None:

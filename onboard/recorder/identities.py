@@ -9,7 +9,8 @@ import hashlib
 import hmac
 import secrets
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
 from typing import Any
 
 from typing_extensions import override
@@ -51,6 +52,9 @@ class Aliases:
 
     def replace_plates(self, value: Any) -> Any:
         """Return the value with aliases in place of the plates in it, which are named `text`."""
+        value_type: type = type(value)
+        if not _may_hold_plate(value_type):
+            return value
         match value:
             case Lead():
                 value = replace(value, candidates=tuple(map(self.replace_plates, value.candidates)))
@@ -58,6 +62,13 @@ class Aliases:
                 value = replace(value, cars=tuple(map(self.replace_plates, value.cars)))
         text = getattr(value, "text", None)
         return value if text is None else replace(value, text=self.alias(text))
+
+
+@cache
+def _may_hold_plate(value_type: type) -> bool:
+    if issubclass(value_type, Lead | DetectionList) or hasattr(value_type, "text"):
+        return True
+    return is_dataclass(value_type) and any(each.name == "text" for each in fields(value_type))
 
 
 class RecordingDigest(PlateDigest):

@@ -46,6 +46,10 @@ GIL_INTERVAL_S = 0.000_5
 Python's default is 5 ms.
 """
 
+CURVATURE_S = 0.05
+"""Time between two curvatures for the camera, which takes one for each picture: no step needs
+another."""
+
 ReturnT = TypeVar("ReturnT")
 
 
@@ -111,6 +115,7 @@ class Daemon:
         self._next_step: asyncio.Handle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._is_stopped = False
+        self._curvature_at = 0.0
 
     async def run(self, until: Callable[[], Awaitable[ReturnT]]) -> ReturnT:
         """Open the wires, step the cores until `until()` returns, and close the wires.
@@ -173,7 +178,9 @@ class Daemon:
         now = time.monotonic()
         outputs = self._stack.step(self._inputs(now), now, time.time(), self._wires.send_wsm)
         self._wires.send_to_vehicle(outputs)
-        self._wires.tell_camera(self._stack.curvature(now))
+        if now >= self._curvature_at:
+            self._curvature_at = now + CURVATURE_S
+            self._wires.tell_camera(self._stack.curvature(now))
         for event in outputs.events:
             if isinstance(event, Identified | IdentityLost):
                 self._candidate_ids.receive_identity(event)

@@ -1,6 +1,6 @@
 """The driver's page of one vehicle: display, metrics and server, connected to its stack."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from onboard.hmi.display import Display
 from onboard.hmi.metrics import Metrics
@@ -62,9 +62,15 @@ class DriverPage:
 
     def receive_event(self, event: Event) -> None:
         """Update metrics and display by an event of the stack."""
-        self._metrics.receive_event(event)
-        self._display.receive_surroundings(*self._stack.surroundings)
-        self._display.receive_event(event)
+        self.receive_events((event,))
+
+    def receive_events(self, events: Sequence[Event]) -> None:
+        """Update metrics and display by the events of a step."""
+        if events:
+            self._display.receive_surroundings(*self._stack.surroundings)
+        for event in events:
+            self._metrics.receive_event(event)
+            self._display.receive_event(event)
 
     def show(self, now: float) -> None:
         """Push a view if one is due and a page is open; to be called in every step."""

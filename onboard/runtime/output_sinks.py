@@ -157,8 +157,7 @@ class OutputSinks:
         What is written is in the files after `FLUSH_S`, by a step of then.
         """
         if self._page is not None:
-            for event in events:
-                self._page.receive_event(event)
+            self._page.receive_events(events)
             self._page.show(now)
         for event in events:
             self._write(event)

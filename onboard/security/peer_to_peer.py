@@ -224,6 +224,8 @@ class CertificateDistribution(Core):
 
     def answers_to_send(self, now: float) -> list[bytes]:
         """Return the answers that are due."""
+        if not self._waiting:
+            return []
         due = [wanted for wanted, (at, _) in self._waiting.items() if at <= now]
         for wanted in due:
             del self._waiting[wanted]
@@ -233,7 +235,7 @@ class CertificateDistribution(Core):
     @override
     def get_timer(self) -> float:
         """Return when an answer is due; infinite without one."""
-        return min((at for at, _ in self._waiting.values()), default=math.inf)
+        return min(at for at, _ in self._waiting.values()) if self._waiting else math.inf
 
 
 def _up_from(certificate: Certificate, by_id: dict[bytes, Certificate]) -> list[Certificate]:

@@ -76,7 +76,7 @@ class SensorTimeouts(Core):
     @override
     def get_timer(self) -> float:
         """Return when the next sensor times out; `math.inf` when none can."""
-        pending = (at for sensor, at in self._lost_at.items() if sensor not in self._lost)
+        pending = [at for sensor, at in self._lost_at.items() if sensor not in self._lost]
         return min(pending, default=math.inf)
 
     @override

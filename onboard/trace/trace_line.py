@@ -7,7 +7,7 @@ out fields declared with the metadata `{"traced": False}`; a recording has them.
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache, singledispatch
@@ -30,21 +30,12 @@ def as_trace_record(event: Event) -> dict[str, Any]:
     Raises:
         TypeError: as in `as_record`.
     """
-    record = as_record(event)
-    for name in _untraced(type(event)):
-        del record[name]
-    return record
+    return _head(event) | _plain_values(event, _traced_columns(type(event)))
 
 
 def traced_fields(event_type: type) -> tuple[str, ...]:
     """Return the names of the fields that a trace has of an event, beside its kind."""
-    untraced = _untraced(event_type)
-    return tuple(each.name for each in fields(event_type) if each.name not in untraced)
-
-
-@cache
-def _untraced(event_type: type) -> tuple[str, ...]:
-    return tuple(each.name for each in fields(event_type) if not each.metadata.get("traced", True))
+    return tuple(name for name, _ in _traced_columns(event_type))
 
 
 def as_line(event: Event) -> str:
@@ -59,9 +50,13 @@ def as_line(event: Event) -> str:
 def as_json(record: Any) -> str:
     """Return the record as one line; numbers that are not finite become strings."""
     try:
-        return json.dumps(record, separators=(",", ":"), allow_nan=False)
+        return _ENCODER.encode(record)
     except ValueError:
-        return json.dumps(_finite(record), separators=(",", ":"))
+        return _ENCODER.encode(_finite(record))
+
+
+_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
+"""Made once: `json.dumps` would make one for each line."""
 
 
 def _finite(value: Any) -> Any:
@@ -81,26 +76,45 @@ def as_record(event: Event) -> dict[str, Any]:
     Raises:
         TypeError: a field has a type that cannot be converted.
     """
-    record = {"stamp_s": event.stamp_s, "kind": event.kind}
-    record.update(_plain_fields(event))
+    return _head(event) | _plain_values(event, _columns(type(event)))
+
+
+def _head(event: Event) -> dict[str, Any]:
+    return {"stamp_s": event.stamp_s, "kind": event.kind}
+
+
+_Columns = tuple[tuple[str, Callable[[Any], Any] | None], ...]
+"""Name of each field, and the function that is applied to its value, if there is one."""
+_PLAIN_TYPES = frozenset({str, int, float, bool, type(None)})
+
+
+@cache
+def _columns(record_type: type) -> _Columns:
+    return tuple((each.name, each.metadata.get("traced_as")) for each in fields(record_type))
+
+
+@cache
+def _traced_columns(event_type: type) -> _Columns:
+    traced = {each.name for each in fields(event_type) if each.metadata.get("traced", True)}
+    return tuple(each for each in _columns(event_type) if each[0] in traced)
+
+
+def _plain_values(value: object, columns: _Columns) -> dict[str, Any]:
+    """Return fields in the types of JSON; most have them, and need no look-up of a conversion."""
+    record = {}
+    for name, traced_as in columns:
+        item = getattr(value, name)
+        if traced_as is not None:
+            item = traced_as(item)
+        record[name] = item if type(item) in _PLAIN_TYPES else _plain(item)
     return record
-
-
-def _plain_fields(value: Any) -> dict[str, Any]:
-    return {
-        field.name: _plain(field.metadata.get("traced_as", _unchanged)(getattr(value, field.name)))
-        for field in fields(value)
-    }
-
-
-def _unchanged(value: Any) -> Any:
-    return value
 
 
 @singledispatch
 def _plain(value: object) -> Any:  # a dataclass becomes an object
+    value_type: type = type(value)
     if is_dataclass(value):
-        return _plain_fields(value)
+        return _plain_values(value, _columns(value_type))
     raise TypeError(f"{type(value).__name__} cannot be written to a trace")
 
 

@@ -202,6 +202,12 @@ class SharedSensing:
         is_due = self._cpms is not None and self._cpms.take_due(now)
         return self.mvs.cpm_to_send(now) if is_due else None
 
+    def is_due(self, now: float) -> bool:
+        """Whether one of `cores` has something to be done."""
+        if self.transmitter.get_timer() <= now:
+            return True
+        return self._cpms is not None and self._cpms.get_timer() <= now
+
     @property
     def cores(self) -> Iterator[Core]:
         """Those that say when something is to be sent."""

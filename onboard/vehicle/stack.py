@@ -216,8 +216,7 @@ class Stack:
             self._vehicle.handle_timer(now)
         self._send(self._wsms_to_send(now), send, wsms)
         can_frames = self._bus.frames_to_send(now)
-        events = list(iter(self._vehicle.next_event, None))
-        return StepOutputs(wsms, can_frames, events, self.get_timer())
+        return StepOutputs(wsms, can_frames, self._vehicle.take_events(), self.get_timer())
 
     def get_timer(self) -> float:
         """Return when the next step is due without any input; `math.inf` if never."""

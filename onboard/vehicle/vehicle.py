@@ -174,6 +174,12 @@ class Vehicle(Core):
         )
         self._events: deque[Event] = deque()
         self._cores = tuple(self._all_cores(link))
+        # Most cores lack one of the two, which every step would call in vain.
+        self._timers = (
+            self._surroundings.get_timer,
+            *(core.get_timer for core in self._cores if _has_own("get_timer", core)),
+        )
+        self._reporting = [core for core in reversed(self._cores) if _has_own("next_event", core)]
 
     def _all_cores(self, link: Core | None) -> Iterator[Core | ObservationSource]:
         """Yield all cores, from the wires to the decisions.
@@ -229,7 +235,7 @@ class Vehicle(Core):
     @override
     def get_timer(self) -> float:
         """Return when `handle_timer` is next due."""
-        return min(self._surroundings.get_timer(), *(core.get_timer() for core in self._cores))
+        return min([timer() for timer in self._timers])
 
     @override
     def handle_timer(self, now: float) -> None:
@@ -255,8 +261,17 @@ class Vehicle(Core):
         """Return the oldest event not yet taken; after those in order of time, each core's own."""
         if self._events:
             return self._events.popleft()
-        events = (core.next_event() for core in reversed(self._cores))
+        events = (core.next_event() for core in self._reporting)
         return next((event for event in events if event is not None), None)
+
+    def take_events(self) -> list[Event]:
+        """Return all events not yet taken, in the order of `next_event`."""
+        taken = list(self._events)
+        self._events.clear()
+        for core in self._reporting:
+            while (event := core.next_event()) is not None:
+                taken.append(event)
+        return taken
 
     def put_out(self, event: Event) -> None:
         """Give an event of the wires its place in time among the vehicle's own."""
@@ -399,8 +414,7 @@ class Vehicle(Core):
         yield from self.group_messages_to_send(now)
         if not self._config.beacons:
             return
-        is_due = any(core.get_timer() <= now for core in self._sharing.cores)
-        if is_due and not self._is_prepared(now):
+        if self._sharing.is_due(now) and not self._is_prepared(now):
             return
         yield from self._sharing.messages_to_send(now, self._radio_opens_at)
 
@@ -432,3 +446,8 @@ class Vehicle(Core):
         for event in self._lcca.take_events(now):
             self._events.append(event)
             self._risk.receive_event(event, now)
+
+
+def _has_own(method: str, core: Core | ObservationSource) -> bool:
+    """Whether a core has another method than that of `Core`, which does nothing."""
+    return getattr(type(core), method) is not getattr(Core, method)

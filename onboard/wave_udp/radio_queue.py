@@ -97,7 +97,7 @@ class RadioQueue:
             least_priority: user priority below which a frame stays in the queue.
         """
         self._drop_expired(now)
-        if now < self._free_at or not len(self):
+        if now < self._free_at or not any(self._queues):
             return []
         priority = self._highest_priority()
         if priority < least_priority or now < self._opens_at(priority):
@@ -110,7 +110,7 @@ class RadioQueue:
 
     def get_timer(self) -> float:
         """Return when the next frame may be sent; `math.inf` while none waits."""
-        if not len(self):
+        if not any(self._queues):
             return math.inf
         return max(self._free_at, self._opens_at(self._highest_priority()))
 

@@ -16,6 +16,7 @@ and never written.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from onboard.errors import DecodeError
@@ -31,6 +32,9 @@ VERSION: Final = 3
 VERSIONS_READ: Final = (2, VERSION)
 MAX_DATA_BYTES: Final = 0x3FFF
 """Greatest WSM length; radios carry 1,400 bytes by default."""
+
+READ_AGAIN: Final = 256
+"""Number of the last frames whose reading is kept: the receive queue reads each, then the cores."""
 
 _TRANSMIT_POWER_USED = 4
 _CHANNEL_NUMBER = 15
@@ -104,6 +108,7 @@ def encode(wsm: WaveShortMessage) -> bytes:
     )
 
 
+@lru_cache(READ_AGAIN)
 def decode(data: bytes) -> WaveShortMessage:
     """Read a frame. Bytes after the WSM data are padding of the link layer and ignored.
 

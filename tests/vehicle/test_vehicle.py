@@ -129,6 +129,25 @@ def test_what_its_bus_puts_out_when_its_timer_is_due_is_received() -> None:
     assert message.core.speed_m_s == 15.0
 
 
+def test_all_events_at_once_come_in_the_order_of_single_ones() -> None:
+    def braking() -> Lane:
+        lane = Lane()
+        lane.drive(1.0)
+        for each in lane.vehicles.values():
+            each.receive_observation(Speed(lane.now, 15.0, 0.28, "test"), lane.now)
+        brake = HardBrake(lane.now, 6.0, "test", BrakeCause.DECELERATION)
+        lane.vehicles[AHEAD].receive_observation(brake, lane.now)
+        lane._send(AHEAD, [*lane.vehicles[AHEAD].messages_to_send(lane.now)])
+        for each in lane.vehicles.values():
+            each.handle_timer(lane.now + 2.0)  # its sensors are lost, too
+        return lane
+
+    single = {plate: [*iter(one.next_event, None)] for plate, one in braking().vehicles.items()}
+    at_once = {plate: one.take_events() for plate, one in braking().vehicles.items()}
+    assert at_once == single
+    assert len({type(event) for event in single[BEHIND]}) > 3
+
+
 def test_its_position_is_the_last_of_its_receiver() -> None:
     one = vehicle(AHEAD)
     assert one.host.position(0.0) is None
