@@ -72,7 +72,13 @@ class Bundle:
         except OSError as error:
             raise RefusedError(f"{folder}: no {SUMS}: create the folder with 'make box'") from error
         self._check_hashes()
-        self.about = About(**json.loads((folder / ABOUT).read_bytes()))
+        try:
+            self.about = About(**json.loads((folder / ABOUT).read_bytes()))
+            is_text = all(isinstance(each, str) for each in self.about)
+        except (TypeError, ValueError):
+            is_text = False
+        if not is_text:
+            raise RefusedError(f"{folder}: {ABOUT}: says no name, architecture and python")
         if not _NAME.fullmatch(self.about.name):
             raise RefusedError(
                 f"{folder}: {ABOUT}: name {self.about.name!r} is none of a release: letters,"

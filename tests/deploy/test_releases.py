@@ -238,6 +238,21 @@ def test_a_release_for_another_architecture_is_refused(tmp_path: Path) -> None:
         Bundle(bundle)
 
 
+@pytest.mark.parametrize(
+    "about", ["{", "[]", '{"name": 3}', '{"name": 3, "architecture": 1, "python": 2}', "\xff"]
+)
+def test_a_folder_that_does_not_say_what_it_is_is_refused_and_no_traceback(
+    tmp_path: Path, about: str
+) -> None:
+    """It is read before its signature."""
+    folder = make_bundle(tmp_path / "new", NEW)
+    (folder / "release.json").write_text(about, encoding="latin-1")
+    seal(folder)
+
+    with pytest.raises(RefusedError, match=r"release\.json: says no name, architecture and python"):
+        Bundle(folder)
+
+
 def test_a_folder_that_was_copied_in_part_is_refused(tmp_path: Path) -> None:
     bundle = make_bundle(tmp_path / "box", NEW)
     wheel = next((bundle / "wheels").glob("onboard*"))
