@@ -45,6 +45,8 @@ BROADCAST_FRESH_S = 0.5
 
 _CONTINUE_TO_SEND = n_pdu.FlowControl(n_pdu.FlowStatus.CONTINUE_TO_SEND, block_size=0, st_min=0)
 """Flow control of a tester (ISO 15765-4)."""
+_OVERFLOW = n_pdu.FlowControl(n_pdu.FlowStatus.OVERFLOW, block_size=0, st_min=0)
+"""For a message that is longer than is taken (ISO 15765-2): its sender ends it."""
 
 _IDENTIFIERS = {"auto": (False, True), "11-bit": (False,), "29-bit": (True,)}
 
@@ -143,7 +145,9 @@ class VehicleBus(Core):
             return
         if isinstance(pdu, n_pdu.FirstFrame) and self._is_to_own_request(pdu):
             address = request_identifier(ecu, is_extended_id=is_extended_id)
-            self._send(address, _CONTINUE_TO_SEND, now, is_extended_id=is_extended_id)
+            is_taken = pdu.length <= n_pdu.MAX_FIRST_FRAME_12_BIT
+            flow_control = _CONTINUE_TO_SEND if is_taken else _OVERFLOW
+            self._send(address, flow_control, now, is_extended_id=is_extended_id)
         reassembly = self._reassemblies.setdefault((ecu, is_extended_id), Reassembly())
         reassembly.receive_pdu(pdu, now)
         self._take_messages(reassembly, ecu, frame.stamp_s, now, is_extended_id=is_extended_id)

@@ -201,6 +201,17 @@ def test_a_long_response_with_29_bits_gets_flow_control_at_the_ecus_address() ->
     assert (go_on.arbitration_id, go_on.is_extended_id) == (0x18DA18F1, True)
 
 
+def test_a_response_that_is_longer_than_can_be_taken_is_refused_by_flow_control() -> None:
+    """Told to go on, an ECU would fill the bus with as many frames as its length says."""
+    bus = VehicleBus(ObdSettings(addressing="11-bit"))
+    bus.frames_to_send(1.0)
+    bus.frames_to_send(1.25)
+    bus.receive_frame(frame(1.26, GEARBOX, "10 00 FF FF FF FF 41 0D"), 1.26)
+    (refusal,) = bus.frames_to_send(1.26)
+    assert (refusal.arbitration_id, refusal.data[:3]) == (0x7E2, b"\x32\x00\x00")
+    assert [each.reason for each in every(Discarded, events_of(bus))] == ["n_buffer_overflow"]
+
+
 def test_another_testers_long_response_is_read_without_flow_control() -> None:
     bus = VehicleBus(ObdSettings())
     bus.frames_to_send(1.0)
