@@ -291,6 +291,8 @@ class MultiVehicleSensing(Core):
         reported = {self.own_id: self._own_state()}
         reported |= {key: remote.reported for key, remote in self._remote_vehicles.items()}
         states = as_state_arrays(list(reported.values()), self._utc_ms)
+        if are_many:
+            yield
         self._tracks.match_remote_vehicles(list(reported), states, now_ms)
         if self._sensed_tracks is not None:
             if are_many:
@@ -450,6 +452,8 @@ class MultiVehicleSensing(Core):
         batches, footers = (yield from reading) if are_many else result_of(reading)
         if batches:
             batch = EvidenceBatch.concatenate(batches)
+            if are_many:
+                yield
             left_over = yield from self._tracks.receive_in_slices(batch)
             self._discard_entries(Counter((footers[at], "too_many_cars") for at in left_over))
 
@@ -465,24 +469,26 @@ class MultiVehicleSensing(Core):
             self._events.extend(refused)
             yield
             if received:
-                batch, valid = self._validated(received)
+                batch, valid = yield from self._validated_in_slices(received)
                 batches.append(batch)
                 footers += valid
             yield
         return batches, footers
 
-    def _validated(
+    def _validated_in_slices(
         self, received: Sequence[ReceivedFooter]
-    ) -> tuple[EvidenceBatch, list[ReceivedFooter]]:
+    ) -> Generator[None, None, tuple[EvidenceBatch, list[ReceivedFooter]]]:
         """Return the entries of footers that are used, and the footer of each."""
         frame = self._host.frame
         assert frame is not None  # noqa: S101 (a position comes with a frame)
         footers = [each for each in received for _ in range(len(each.footer))]
+        own = OwnMeasurements(frozenset(self._own_ids), frozenset(self._detections.stamps_ms))
         batch = concatenate(received, frame, self._utc_ms)
+        yield
         refused, inflation = violations_of_received(
             batch,
             received,
-            OwnMeasurements(frozenset(self._own_ids), frozenset(self._detections.stamps_ms)),
+            own,
             memory_ms=round(self._parameters.memory_s * 1000),
             max_measurements=self._max_measurements,
         )
