@@ -4,12 +4,12 @@ from collections.abc import Callable, Collection, Generator, Sequence
 
 import numpy as np
 
-from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate
+from onboard.mvs.selective_broadcasting import SELECTIONS, Candidate, Estimates
 from onboard.mvs.sent_evidence import SentEvidence
 from onboard.mvs.settings import MvsSettings
 from onboard.tracking.evidence import Evidence, Measurement, observer_of, stamp_ms_of
 from onboard.tracking.evidence_store import EvidenceView, StoredEvidence
-from onboard.tracking.fusion import fuse
+from onboard.tracking.fusion import fuse_in_slices
 from onboard.tracking.independent_set import independent, up_to
 from onboard.tracking.slices import result_of
 from onboard.tracking.track import Track
@@ -87,7 +87,7 @@ class EvidenceToSend:
         ]
         known = [(track, candidate) for track, candidate in both if candidate is not None]
         yield
-        selected = SELECTIONS[self._settings.selection](
+        selected = yield from SELECTIONS[self._settings.selection](
             [candidate for _, candidate in known],
             self._settings.max_entries,
             self._estimate,
@@ -148,14 +148,15 @@ class EvidenceToSend:
     def _shared_ms(self, track: Track) -> int:
         return self.sent[track].sdsm_ms
 
-    def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> list[Evidence]:
+    def _estimate(self, evidence_of_vehicles: Sequence[Sequence[Evidence]]) -> Estimates:
         """The paper's Estimate: one ME from the independent ones of all MEs about a vehicle.
 
         Of more measurements than receivers accept in an estimate, the latest are used.
         """
         chosen = [self._chosen(evidence) for evidence in evidence_of_vehicles]
         several = [evidence for evidence in chosen if len(evidence) > 1]
-        estimates = iter(fuse(several, self._acceleration_density))
+        yield
+        estimates = iter((yield from fuse_in_slices(several, self._acceleration_density)))
         return [next(estimates) if len(evidence) > 1 else evidence[0] for evidence in chosen]
 
     def _chosen(self, evidence: Sequence[Evidence]) -> list[Evidence]:

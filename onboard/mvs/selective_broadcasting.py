@@ -1,6 +1,6 @@
 """Which measurements and estimates to broadcast (section IV-A, Algorithm 1; baselines, V-A)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +28,14 @@ class Candidate:
         return 1.0 / self.received
 
 
-Estimator = Callable[[Sequence[Sequence[Evidence]]], list[Evidence]]
-"""The cooperative estimation, of many vehicles at once: one ME for each from all MEs about it."""
+Estimates = Generator[None, None, list[Evidence]]
+"""One ME for each of many vehicles, in slices."""
+Estimator = Callable[[Sequence[Sequence[Evidence]]], Estimates]
+"""The cooperative estimation: one ME for each vehicle from all MEs about it."""
 Selected = tuple[int, Evidence]
 """Index of a candidate, and the ME that is sent of it."""
+Selecting = Generator[None, None, list[Selected]]
+"""A selection in slices."""
 
 
 def algorithm_1(
@@ -39,7 +43,7 @@ def algorithm_1(
     max_entries: int,
     estimate: Estimator,
     rng: np.random.Generator,  # noqa: ARG001 (all selections have one signature)
-) -> list[Selected]:
+) -> Selecting:
     """Select MEs of vehicles that own sensors measure first, then by significance.
 
     Among equals, those come first that were last sent the longest ago; the paper leaves it open.
@@ -51,7 +55,8 @@ def algorithm_1(
         rng: not used.
     """
     order = sorted(range(len(candidates)), key=lambda at: _rank(candidates[at]))[:max_entries]
-    return list(zip(order, _one_of_each([candidates[at] for at in order], estimate), strict=True))
+    selected = yield from _one_of_each([candidates[at] for at in order], estimate)
+    return list(zip(order, selected, strict=True))
 
 
 def random_selection(
@@ -59,7 +64,7 @@ def random_selection(
     max_entries: int,
     estimate: Estimator,
     rng: np.random.Generator,
-) -> list[Selected]:
+) -> Selecting:
     """RS: select one ME of each vehicle as in Algorithm 1, but of vehicles at random.
 
     Args:
@@ -69,7 +74,8 @@ def random_selection(
         rng: chooses the vehicles.
     """
     order = rng.permutation(len(candidates))[:max_entries].tolist()
-    return list(zip(order, _one_of_each([candidates[at] for at in order], estimate), strict=True))
+    selected = yield from _one_of_each([candidates[at] for at in order], estimate)
+    return list(zip(order, selected, strict=True))
 
 
 def measurements_only(
@@ -77,7 +83,7 @@ def measurements_only(
     max_entries: int,
     estimate: Estimator,  # noqa: ARG001 (all selections have one signature)
     rng: np.random.Generator,
-) -> list[Selected]:
+) -> Selecting:
     """MO: select among all direct and indirect measurements at random.
 
     Args:
@@ -92,6 +98,7 @@ def measurements_only(
         for piece in candidate.evidence
         if isinstance(piece, Measurement)
     ]
+    yield
     return [measurements[at] for at in rng.permutation(len(measurements))[:max_entries]]
 
 
@@ -106,9 +113,10 @@ def _rank(candidate: Candidate) -> tuple[bool, float, int]:
     return not candidate.is_sensed, -candidate.significance, candidate.sent_ms
 
 
-def _one_of_each(candidates: Sequence[Candidate], estimate: Estimator) -> list[Evidence]:
+def _one_of_each(candidates: Sequence[Candidate], estimate: Estimator) -> Estimates:
     """Lines 4 to 9: a vehicle's only ME as it is, or an estimate from all of them."""
-    several = iter(estimate([c.evidence for c in candidates if len(c.evidence) > 1]))
+    estimates = yield from estimate([c.evidence for c in candidates if len(c.evidence) > 1])
+    several = iter(estimates)
     return [
         next(several) if len(candidate.evidence) > 1 else candidate.evidence[0]
         for candidate in candidates

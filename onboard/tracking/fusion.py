@@ -36,9 +36,17 @@ def fuse(evidence_of_vehicles: Sequence[Sequence[Evidence]], q: float) -> list[E
     Returns:
         N estimates, each at the time of its last measurement.
     """
+    return result_of(fuse_in_slices(evidence_of_vehicles, q))
+
+
+def fuse_in_slices(
+    evidence_of_vehicles: Sequence[Sequence[Evidence]], q: float
+) -> Generator[None, None, list[Estimate]]:
+    """Do what `fuse` does in slices."""
     pieces = [piece for evidence in evidence_of_vehicles for piece in evidence]
     counts = [len(evidence) for evidence in evidence_of_vehicles]
-    return _as_estimates(evidence_of_vehicles, result_of(_filtered(as_arrays(pieces), counts, q)))
+    fused = yield from _filtered(as_arrays(pieces), counts, q)
+    return _as_estimates(evidence_of_vehicles, fused)
 
 
 def fuse_stored(

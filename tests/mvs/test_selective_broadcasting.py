@@ -8,6 +8,7 @@ import pytest
 from onboard.mvs.selective_broadcasting import (
     SELECTIONS,
     Candidate,
+    Estimates,
     Selected,
     algorithm_1,
     measurements_only,
@@ -17,6 +18,7 @@ from onboard.mvs.settings import Selection
 from onboard.tracking.evidence import Estimate, Evidence, Measurement, measurement_id
 from onboard.tracking.fusion import fuse
 from onboard.tracking.independent_set import independent
+from onboard.tracking.slices import result_of
 
 RNG = np.random.default_rng(0)
 
@@ -30,7 +32,8 @@ def candidate(car: int, observers: str, is_sensed: bool) -> Candidate:
     return Candidate(evidence, len(evidence), is_sensed)
 
 
-def estimate(evidence_of_cars: Sequence[Sequence[Evidence]]) -> list[Evidence]:
+def estimate(evidence_of_cars: Sequence[Sequence[Evidence]]) -> Estimates:
+    yield
     return list(fuse([independent(evidence) for evidence in evidence_of_cars], 1.0))
 
 
@@ -40,7 +43,7 @@ def cars_of(selected: list[Selected]) -> list[int]:
 
 
 def test_more_than_one_me_makes_an_estimate_lines_5_and_6() -> None:
-    ((_, selected),) = algorithm_1([candidate(1, "abc", True)], 10, estimate, RNG)
+    ((_, selected),) = result_of(algorithm_1([candidate(1, "abc", True)], 10, estimate, RNG))
 
     assert isinstance(selected, Estimate)
     assert len(selected.provenance) == 3
@@ -49,7 +52,7 @@ def test_more_than_one_me_makes_an_estimate_lines_5_and_6() -> None:
 def test_the_only_me_is_sent_as_it_is_lines_7_and_8() -> None:
     only = candidate(1, "a", True)
 
-    assert algorithm_1([only], 10, estimate, RNG) == [(0, only.evidence[0])]
+    assert result_of(algorithm_1([only], 10, estimate, RNG)) == [(0, only.evidence[0])]
 
 
 def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None:
@@ -61,9 +64,9 @@ def test_seen_cars_come_first_then_the_most_significant_lines_10_to_20() -> None
         candidate(5, "ab", False),
     ]
 
-    assert cars_of(algorithm_1(candidates, 10, estimate, RNG)) == [4, 2, 3, 5, 1]
-    assert cars_of(algorithm_1(candidates, 3, estimate, RNG)) == [4, 2, 3]
-    assert algorithm_1(candidates, 0, estimate, RNG) == []
+    assert cars_of(result_of(algorithm_1(candidates, 10, estimate, RNG))) == [4, 2, 3, 5, 1]
+    assert cars_of(result_of(algorithm_1(candidates, 3, estimate, RNG))) == [4, 2, 3]
+    assert result_of(algorithm_1(candidates, 0, estimate, RNG)) == []
 
 
 def test_among_equally_significant_cars_the_one_sent_last_comes_last() -> None:
@@ -74,14 +77,14 @@ def test_among_equally_significant_cars_the_one_sent_last_comes_last() -> None:
         Candidate(evidence[2], 1, is_sensed=True, sent_ms=800),
     ]
 
-    assert cars_of(algorithm_1(candidates, 2, estimate, RNG)) == [1, 2]
+    assert cars_of(result_of(algorithm_1(candidates, 2, estimate, RNG))) == [1, 2]
 
 
 def test_every_selection_names_its_candidate() -> None:
     candidates = [candidate(car, "ab", is_sensed=car == 1) for car in range(6)]
 
     for select in SELECTIONS.values():
-        selected = select(candidates, 4, estimate, RNG)
+        selected = result_of(select(candidates, 4, estimate, RNG))
         assert [at for at, _ in selected] == cars_of(selected)
 
 
@@ -95,7 +98,7 @@ def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
     evidence += fuse([[measurement(1, b"b"), measurement(1, b"c")]], 1.0)
     candidates = [Candidate(evidence, 2, is_sensed=True), candidate(2, "abcd", False)]
 
-    selections = [measurements_only(candidates, 2, estimate, RNG) for _ in range(200)]
+    selections = [result_of(measurements_only(candidates, 2, estimate, RNG)) for _ in range(200)]
 
     assert all(isinstance(piece, Measurement) for chosen in selections for _, piece in chosen)
     counts = np.bincount([car for chosen in selections for car in cars_of(chosen)])
@@ -105,7 +108,7 @@ def test_measurements_only_sends_measurements_of_cars_at_random() -> None:
 def test_random_selection_sends_one_me_of_cars_at_random() -> None:
     candidates = [candidate(car, "ab", is_sensed=car == 0) for car in range(6)]
 
-    selections = [random_selection(candidates, 2, estimate, RNG) for _ in range(300)]
+    selections = [result_of(random_selection(candidates, 2, estimate, RNG)) for _ in range(300)]
 
     assert all(len(set(cars_of(chosen))) == 2 for chosen in selections)
     counts = np.bincount([car for chosen in selections for car in cars_of(chosen)])
@@ -114,4 +117,4 @@ def test_random_selection_sends_one_me_of_cars_at_random() -> None:
 
 def test_every_selection_of_the_settings_is_there_and_takes_no_candidates() -> None:
     assert set(SELECTIONS) == set(Selection)
-    assert all(select([], 10, estimate, RNG) == [] for select in SELECTIONS.values())
+    assert all(result_of(select([], 10, estimate, RNG)) == [] for select in SELECTIONS.values())
