@@ -71,6 +71,8 @@ _BSM_PREDICTION_MS = 500
 _ENTRIES_AT_ONCE = 64
 """Entries that are compared with all tracks together: enough for arrays to pay, few enough to bound
 the work that a hostile sender causes."""
+_ENTRIES_TOGETHER = 16
+"""With more entries, what is done with all of them takes several slices: of 50 it takes 4 ms."""
 _STARTS_AT_ONCE = 8
 """Entries that are associated by position, or start tracks, in one slice."""
 
@@ -140,7 +142,7 @@ class Tracks:
     def receive_in_slices(self, batch: EvidenceBatch) -> Generator[None, None, list[int]]:
         """Do what `receive_evidence` does in slices, one if there are few entries."""
         first_row = self._store.append(batch.entries)
-        if len(batch) > _ENTRIES_AT_ONCE:
+        if len(batch) > _ENTRIES_TOGETHER:
             yield
         tracks_of_report: _TracksOfReport = defaultdict(set)
         unlabelled = yield from self._assign_labelled(batch, first_row, tracks_of_report)
@@ -151,7 +153,7 @@ class Tracks:
             )
         ]
         refused: list[int] = []
-        if len(batch) > _ENTRIES_AT_ONCE:
+        if len(batch) > _ENTRIES_TOGETHER:
             yield
         while reports:
             entries = accumulate(len(rows) for rows, _ in reports)
@@ -289,10 +291,10 @@ class Tracks:
         index_of = {track.number: at for at, track in enumerate(self._tracks)}
         indices = [index_of[self._by_label[labels[row]].number] for row in labelled]
         states = self._states()[indices]
-        if len(labelled) > _ENTRIES_AT_ONCE:
+        if len(labelled) > _ENTRIES_TOGETHER:
             yield
         inside = are_inside(batch.entries[labelled], states, GATE_PROBABILITY, q)
-        if len(labelled) > _ENTRIES_AT_ONCE:
+        if len(labelled) > _ENTRIES_TOGETHER:
             yield
         for done, row, index, fits in zip(
             count(), labelled, indices, inside.tolist(), strict=False
@@ -328,7 +330,7 @@ class Tracks:
             self._states(),
             self._parameters.acceleration_density,
         )
-        if len(batch) > _ENTRIES_AT_ONCE:
+        if len(batch) > _ENTRIES_TOGETHER:
             yield
         started = Counter(track.first_sender for track in self._tracks)
         refused = []
