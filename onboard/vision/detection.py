@@ -51,6 +51,8 @@ class Detection:
     """Width that `position` assumes, of a plate."""
     ahead_by_size_m: float | None = None
     """Distance by the width of a vehicle's rear alone, if it is seen whole."""
+    may_cross: bool = False
+    """Whether it is a vehicle that shows its whole side: it may drive across."""
     positions: Mapping[float, RoadPosition] = field(default_factory=dict)
     """Position for each possible width in m; empty unless it is a plate that is seen whole."""
 

@@ -111,6 +111,7 @@ class Perception:
             self._drop_tracks()  # other vehicles may have taken their positions meanwhile
         self._events += self._frozen_camera.receive_new_image(frame.stamp_s)
         self._rear.track(frame, self._lead)
+        self._tracker.follow_crossing(frame.camera.perspective, frame.stamp_s)
         tracks = self._tracker.tracks
         vehicles = [bounding_box(track.corners_px) for track in tracks]
         entering = self._lead_selector.entering(tracks)

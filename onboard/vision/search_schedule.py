@@ -191,7 +191,7 @@ def _is_unsure(track: VehicleTrack, urgent: list[VehicleTrack]) -> bool:
     if track.last.kind is DetectionKind.TAG:
         return False
     is_urgent = track in urgent and track.text is None
-    return is_urgent or not track.confirmed
+    return is_urgent or not track.confirmed or track.is_crossing_unsettled
 
 
 def _rear(track: VehicleTrack) -> ImageBox:

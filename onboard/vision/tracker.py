@@ -91,6 +91,12 @@ class Tracker:
         for track in self.tracks:
             track.right.move(-by_rad * track.ahead.position_m, -by_rad * track.ahead.rate_m_s)
 
+    def follow_crossing(self, perspective: Perspective, stamp_s: float) -> None:
+        """Move vehicles that cross to where they are expected in the frame of this stamp."""
+        for track in self.tracks:
+            if track.is_crossing and track.ahead.position_m > 0.0:
+                track.follow(perspective, stamp_s)
+
     def receive_detections(
         self, detections: list[Detection], stamp_s: float
     ) -> list[tuple[Detection, VehicleTrack | None]]:
@@ -135,6 +141,8 @@ class Tracker:
             for row, column in cheapest_pairs(costs):
                 if costs[row, column] < _OUTSIDE_GATE:
                     track = self.tracks[column]
+                    if not track.is_crossing and self._is_crossing(detections[row], track, stamp_s):
+                        track.cross(stamp_s)
                     track.update(detections[row], stamp_s)
                     pairs.append((detections[row], track))
                     taken.add(int(row))
@@ -158,10 +166,16 @@ class Tracker:
         right_sigma_m = math.hypot(
             detection.right_sigma_m, track.right.position_sigma_m, 0.04 * self._lane_width_m
         )
+        may_cross = track.is_crossing or detection.may_cross
+        crossed_m = track.crossed_m(stamp_s) if may_cross else 0.0
+        if self._is_crossing(detection, track, stamp_s):
+            right_sigma_m = math.hypot(right_sigma_m, crossed_m / GATE_SIGMA)
         cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
         if self._is_at_same_pixels(detection, track, stamp_s):
             return cost
-        if abs(right_m) > 0.5 * self._lane_width_m or _is_beside(detection, track, stamp_s):
+        lane_m = 0.5 * self._lane_width_m
+        rim = crossed_m / self._lane_width_m if track.is_crossing else 0.0
+        if abs(right_m) > lane_m + crossed_m or _is_beside(detection, track, stamp_s, rim):
             return _OUTSIDE_GATE
         was_unobserved = track.confirmed and stamp_s - track.observed_at > UNOBSERVED_S
         if (
@@ -179,6 +193,16 @@ class Tracker:
             height_m = detection.position.height_m - track.last.position.height_m
             cost += (height_m / (0.04 * self._lane_width_m)) ** 2
         return cost
+
+    def _is_crossing(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+        """Whether it is in another lane than the track, and can have crossed to there."""
+        right_m = abs(detection.position.right_m - track.right.position_m)
+        may_cross = track.last.may_cross and detection.may_cross
+        return (
+            may_cross
+            and right_m > 0.5 * self._lane_width_m
+            and not self._is_at_same_pixels(detection, track, stamp_s)
+        )
 
     def _is_at_same_pixels(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
         """Whether it, or a fragment of it, is where the track's plate was a moment ago."""
@@ -227,7 +251,9 @@ def _column_px(track: VehicleTrack, perspective: Perspective) -> float:
     return perspective.project(RoadPosition(ahead_m, right_m, 0.0))[0]
 
 
-def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+def _is_beside(
+    detection: Detection, track: VehicleTrack, stamp_s: float, crossed: float = 0.0
+) -> bool:
     """Whether it is elsewhere in the image: a plate not on that vehicle, or another vehicle."""
     kinds = detection.kind, track.last.kind
     if DetectionKind.VEHICLE not in kinds or DetectionKind.TAG in kinds:
@@ -235,7 +261,7 @@ def _is_beside(detection: Detection, track: VehicleTrack, stamp_s: float) -> boo
     unseen_rim = RIM_PER_S * max(0.0, stamp_s - track.observed_at - SAME_PLACE_S)
     rear, other = detection.box, bounding_box(track.corners_px)
     if DetectionKind.PLATE not in kinds:
-        rim = VEHICLE_RIM + unseen_rim
+        rim = VEHICLE_RIM + unseen_rim + crossed
         return not (
             _contains_middle(rear, other, rim=rim) or _contains_middle(other, rear, rim=rim)
         )

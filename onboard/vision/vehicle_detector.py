@@ -53,6 +53,9 @@ distance of a vehicle that shows its side."""
 SIDE_SHARE, LONG_SHAPE = 0.45, 1.6
 """Share of its box that a rear or front takes at least, and width over height that a box without a
 known one has at most: others show the side."""
+SIDE_SHAPE = 2.0
+"""Width over height from which on a box without a known rear is of a side: those of cars, vans and
+trucks are 2.5 to 3, while boxes of far rears scatter up to 1.6 and more."""
 BOX_WIDTH_SIGMA = 0.15
 """Relative sigma of the width of a box without a known rear, which may show some of the side."""
 CUT_WIDTH_SIGMA, NEAR_WIDTH_SIGMA = 1.0, 0.35
@@ -127,7 +130,10 @@ class VehicleDetector:
             width_sigma = max(width_sigma, NEAR_WIDTH_SIGMA)
         width = width_m, width_sigma
         found = _located(self._perspective, corners, width, edge_px, has_foot=stands)
-        return found if is_cut else replace(found, ahead_by_size_m=by_width_m)
+        if is_cut:
+            return found
+        may_cross = rear is None and box.w_px > SIDE_SHAPE * box.h_px
+        return replace(found, ahead_by_size_m=by_width_m, may_cross=may_cross)
 
 
 class VehicleBoxDetector:

@@ -72,10 +72,7 @@ class VehicleFinder:
         self, image: npt.NDArray[np.uint8], rear: ImageBox, scales: tuple[float, float]
     ) -> list[VehicleBox]:
         height, width = image.shape[:2]
-        left = max(0, int(rear.x_px - _BESIDE * rear.w_px))
-        right = min(width, int(rear.x_px + (1 + _BESIDE) * rear.w_px) + 1)
-        top = max(0, int(rear.y_px - _ABOVE * rear.w_px))
-        bottom = min(height, int(rear.y_px + rear.h_px + _BELOW * rear.w_px) + 1)
+        left, top, right, bottom = part_around(rear, (width, height))
         part = image[top : max(top, bottom), left : max(left, right)]
         if part.size == 0:
             return []
@@ -90,6 +87,17 @@ class VehicleFinder:
             for vehicle in self._found(part, scales)
             if _is_inside(vehicle.box, inner)
         ]
+
+
+def part_around(vehicle: ImageBox, size_px: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of what is searched around a vehicle in an image of this size."""
+    width, height = size_px
+    return (
+        max(0, int(vehicle.x_px - _BESIDE * vehicle.w_px)),
+        max(0, int(vehicle.y_px - _ABOVE * vehicle.w_px)),
+        min(width, int(vehicle.x_px + (1 + _BESIDE) * vehicle.w_px) + 1),
+        min(height, int(vehicle.y_px + vehicle.h_px + _BELOW * vehicle.w_px) + 1),
+    )
 
 
 def _is_inside(box: ImageBox, sides: tuple[float, float, float, float]) -> bool:

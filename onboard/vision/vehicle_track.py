@@ -9,7 +9,7 @@ from onboard.observations import PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.look_alikes import folded
 from onboard.vision.motion import FrameMotion
-from onboard.vision.perspective import bounding_box
+from onboard.vision.perspective import Perspective, RoadPosition, bounding_box
 from onboard.vision.plate_formats import PlateFormats, TrackPlateFormat
 from onboard.vision.plate_posterior import PlatePosterior
 from onboard.vision.plate_reader import CERTAIN
@@ -38,6 +38,17 @@ MIN_READ_CONFIDENCE = 0.3
 """Confidence below which a reading contradicts no text."""
 RULED_OUT = 1e-3
 """Probability below which a reading rules a text out."""
+ACROSS_SIGMA_M_S, ACROSS_SIGMA_M_S2 = 8.0, 3.0
+"""Sigmas of the speed across the road of a vehicle that crosses, and of its change in one second:
+as of speeds along the road; 8 m/s is that of any up to 50 km/h in both directions."""
+FASTEST_ACROSS = 2.0
+"""The fastest speed across the road by its sigma."""
+CROSSES_WITHIN_S = 0.35
+"""Time after a detection for which what was not known to cross may be found in the next lane:
+until the next search around what is new, and not until the next one of the whole picture."""
+SETTLED_ACROSS_M_S = 2.5
+"""Sigma of the speed across the road from which on a crossing vehicle is searched for like others:
+until the next search of the whole picture, it moves by a quarter of its length more or less."""
 BEARING_SIGMA = 0.003
 """Sigma of the direction to the middle of a rear, in rad."""
 SIZE_SIGMA = {DetectionKind.TAG: 0.02, DetectionKind.PLATE: 0.06, DetectionKind.VEHICLE: 0.1}
@@ -103,6 +114,8 @@ class VehicleTrack:
             rate_sigma_m_s=1.5,
             acceleration_sigma_m_s2=1.0,
         )
+        self.is_crossing = False
+        """Whether it was found where only one that crosses can be."""
         self.rear_tracked_at = stamp_s
         """Time up to which the rear was tracked."""
         self.still_in_picture = StillInPicture()
@@ -135,6 +148,11 @@ class VehicleTrack:
     def has_settled(self) -> bool:
         """Whether its speed is known well enough to be reported."""
         return self.ahead.rate_sigma_m_s <= REPORTED_SIGMA_M_S
+
+    @property
+    def is_crossing_unsettled(self) -> bool:
+        """Whether it crosses, at a speed that is not known well yet."""
+        return self.is_crossing and self.right.rate_sigma_m_s > SETTLED_ACROSS_M_S
 
     @property
     def has_vehicle(self) -> bool:
@@ -222,6 +240,39 @@ class VehicleTrack:
         """Predict the state to the time of the next frame."""
         self.ahead.predict(stamp_s)
         self.right.predict(stamp_s)
+
+    def crossed_m(self, stamp_s: float) -> float:
+        """How far to each side it can be of where it is expected; 0 if it shows a rear."""
+        if self.is_crossing:
+            return FASTEST_ACROSS * self.right.position_sigma_m
+        since_s = stamp_s - self.detected_at
+        if not self.last.may_cross or since_s > CROSSES_WITHIN_S:
+            return 0.0
+        return FASTEST_ACROSS * ACROSS_SIGMA_M_S * since_s
+
+    def cross(self, stamp_s: float) -> None:
+        """Take it to have crossed since its last detection, at a speed that is not known yet."""
+        self.is_crossing = True
+        self.right = FrameMotion(
+            self.last.position.right_m,
+            self.last.right_sigma_m,
+            self.detected_at,
+            rate_sigma_m_s=ACROSS_SIGMA_M_S,
+            acceleration_sigma_m_s2=ACROSS_SIGMA_M_S2,
+        )
+        self.right.predict(stamp_s)
+
+    def follow(self, perspective: Perspective, stamp_s: float) -> None:
+        """Predict the state, and move the corners sideways to where it is then."""
+        before, _ = perspective.project(self._place)
+        self.predict(stamp_s)
+        if self.ahead.position_m > 0.0:
+            after, _ = perspective.project(self._place)
+            self.corners_px = self.corners_px + np.array([after - before, 0.0], np.float32)
+
+    @property
+    def _place(self) -> RoadPosition:
+        return RoadPosition(self.ahead.position_m, self.right.position_m, 0.0)
 
     def with_track_format(self, detection: Detection) -> Detection:
         """The detection with the plate width of this track's format."""
