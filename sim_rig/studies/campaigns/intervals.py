@@ -5,6 +5,7 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 Array = NDArray[np.float64]
 
@@ -14,8 +15,14 @@ _RESAMPLES = 4000
 
 
 def half_interval(samples: Array) -> Array:
-    """Half of the 95 % interval of the mean over the last axis, which has at least two samples."""
-    half: Array = Z_95 * samples.std(axis=-1, ddof=1) / math.sqrt(samples.shape[-1])
+    """Half of the 95 % interval of the mean over the last axis, by Student's t.
+
+    NaN with fewer than two samples, which tell nothing of the variation between them.
+    """
+    n = samples.shape[-1]
+    if n < 2:
+        return np.full(samples.shape[:-1], np.nan)
+    half: Array = student_t.ppf(0.975, n - 1) * samples.std(axis=-1, ddof=1) / math.sqrt(n)
     return half
 
 

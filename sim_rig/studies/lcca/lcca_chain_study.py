@@ -122,7 +122,7 @@ def _line(case: ChainCase, rows: Sequence[ChainRow]) -> ChainLine:
     mine = at(case.share)
     crashes, none = [row.crashes for row in mine], [row.crashes for row in at(0.0)]
     events = sum(row.events for row in mine)
-    error = half_interval(np.array(crashes)) if len(crashes) > 1 else 0.0
+    error = half_interval(np.array(crashes))
 
     # The platoons are the same with and without radios; `none` is empty if no share is 0.
     avoided = [before - after for before, after in zip(none, crashes, strict=False)]

@@ -50,8 +50,8 @@ def _line(share: float, entries: int, method: Selection, rows: Sequence[SharingR
         for row in rows
         if (row.method, row.entries, row.share) == (method, entries, share)
     ]
-    half = half_interval(np.array(values)) if len(values) > 1 else np.nan
-    return SharingLine(share, entries, method.value, float(np.mean(values)), float(half))
+    half = float(half_interval(np.array(values)))
+    return SharingLine(share, entries, method.value, float(np.mean(values)), half)
 
 
 def picture(results: SharingResults) -> Figure:

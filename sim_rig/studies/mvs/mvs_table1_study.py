@@ -7,6 +7,7 @@ import numpy as np
 
 from onboard.mvs.settings import Selection
 from sim_rig.scenario.setting_types import Several
+from sim_rig.studies.campaigns.intervals import half_interval
 from sim_rig.studies.campaigns.study import Results, Study
 from sim_rig.studies.mvs.sharing import (
     SharingCase,
@@ -40,8 +41,11 @@ class SelectionLine:
     method: str
     share_with_radio: float
     reused: float
+    reused_half_95: float
+    """Of the 95 % interval of the mean over the seeds."""
     paper_reused: float | str
     selected: float
+    selected_half_95: float
     paper_selected: float | str
 
 
@@ -58,15 +62,15 @@ def _line(
     share = settings.shares[at]
     mine = [row for row in rows if row.share == share]
 
-    def mean(what: str) -> float:
-        return float(np.mean([getattr(row, f"{what}_{method}") for row in mine]))
+    def mean_and_half(what: str) -> tuple[float, float]:
+        of_seeds = np.array([getattr(row, f"{what}_{method}") for row in mine])
+        return float(of_seeds.mean()), float(half_interval(of_seeds))
 
     def paper(what: str) -> float | str:
         return PAPER[method][what][at] if settings.shares == PAPER_SHARES else ""
 
-    return SelectionLine(
-        method, share, mean("reused"), paper("reused"), mean("selected"), paper("selected")
-    )
+    reused, selected = mean_and_half("reused"), mean_and_half("selected")
+    return SelectionLine(method, share, *reused, paper("reused"), *selected, paper("selected"))
 
 
 def summary(results: Results[Table1Settings, SharingRow, SelectionLine]) -> str:

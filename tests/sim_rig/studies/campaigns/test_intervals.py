@@ -6,8 +6,22 @@ import numpy as np
 import pytest
 from scipy.stats import bootstrap
 from statsmodels.stats.proportion import proportion_confint
+from statsmodels.stats.weightstats import DescrStatsW
 
-from sim_rig.studies.campaigns.intervals import cluster_interval, wilson
+from sim_rig.studies.campaigns.intervals import cluster_interval, half_interval, wilson
+
+
+@pytest.mark.parametrize("n", [2, 3, 20, 200])
+def test_the_interval_of_a_mean_is_that_of_as_few_samples(n: int) -> None:
+    samples = np.random.default_rng(n).normal(5.0, 2.0, n)
+
+    low, high = DescrStatsW(samples).tconfint_mean()
+
+    assert float(half_interval(samples)) == pytest.approx((high - low) / 2)
+
+
+def test_one_sample_tells_nothing_of_an_interval() -> None:
+    assert np.isnan(half_interval(np.array([[1.0], [2.0]]))).all()
 
 
 @pytest.mark.parametrize(("crashes", "runs"), [(0, 10), (3, 10), (500, 1000), (10, 10)])
