@@ -69,7 +69,7 @@ COMMANDS = {
     "see": Command(
         "onboard.tools.see.cli",
         "see",
-        "Find, read and track plates in a video or in images. Searches all of every frame.",
+        "Find, read and track vehicles and plates in a video or in images, as in a car.",
     ),
     "calibrate": Command(
         "onboard.tools.calibrate.cli",

@@ -20,7 +20,7 @@ from onboard.vision.lane_watch import LaneWatch
 from onboard.vision.lead import LeadSelector
 from onboard.vision.lead_rear import LeadRear
 from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
-from onboard.vision.perspective import bounding_box
+from onboard.vision.perspective import Perspective, bounding_box
 from onboard.vision.picture_watch import PictureWatch
 from onboard.vision.search_schedule import SearchSchedule
 from onboard.vision.seen import Event
@@ -62,8 +62,8 @@ class Perception:
         self._lead_selector = LeadSelector(self._lane_watch.lane, needs_vehicle=finds_vehicles)
         self._track_report = TrackReport(cameras.lens_sigma)
         self._lead: VehicleTrack | None = None
-        self.vehicles: tuple[ImageBox, ...] = ()
-        """Where the last frame shows vehicles: the plate or tag of each, or else its rear."""
+        self._newest: tuple[float, Perspective] | None = None
+        """Stamp and perspective of the newest frame that was looked at."""
         self._events: deque[Event] = deque()
 
     def next_event(self) -> Event | None:
@@ -89,7 +89,7 @@ class Perception:
 
     def receive_frame(self, image: npt.NDArray[np.uint8], stamp_s: float) -> None:
         """Process one frame, (h, w, 3) uint8 BGR; an empty array is one that did not decode."""
-        self.vehicles = ()
+        self._newest = None
         admitted = self._admission.admit(image, stamp_s)
         if isinstance(admitted, Discarded):
             self._events.append(admitted)
@@ -99,6 +99,22 @@ class Perception:
             self._receive_repeat(stamp_s)
         else:
             self._receive_new_image(admitted)
+
+    @property
+    def vehicles(self) -> tuple[ImageBox, ...]:
+        """Where vehicles are in the newest frame, found in it or since all of one was searched.
+
+        The plate or tag of each, or else its rear.
+        """
+        if self._newest is None:
+            return ()
+        stamp_s, perspective = self._newest
+        return tuple(
+            track.box_at(stamp_s, perspective)
+            for track in self._tracker.tracks
+            if self._lead_selector.is_vehicle(track, stamp_s)
+            and track.observed_at >= self._schedule.searched_all_at
+        )
 
     def _receive_repeat(self, stamp_s: float) -> None:
         """Report the predicted lead, or that the camera is lost."""
@@ -125,6 +141,7 @@ class Perception:
         for track in self._tracker.tracks:
             track.receive_image(frame.image, frame.stamp_s)
         self._report(pairs, frame.stamp_s)
+        self._newest = frame.stamp_s, frame.camera.perspective
         self._rear.set_reference(frame, self._lead)
         if turn_rad := self._picture_watch.take_turn_rad():
             self._cameras.turn(turn_rad)
@@ -142,7 +159,6 @@ class Perception:
             for track in tracks
             if track.detected_at == stamp_s and self._lead_selector.is_vehicle(track, stamp_s)
         ]
-        self.vehicles = tuple(bounding_box(track.corners_px) for track in found)
         self._events += self._track_report.vehicle_detections(found, stamp_s)
         may_be_free = lead is None and not self._lead_selector.has_candidate(tracks, stamp_s)
         is_free = may_be_free and self._lane_watch.is_free(stamp_s) and self._picture_watch.is_clear

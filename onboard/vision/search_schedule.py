@@ -49,6 +49,11 @@ class SearchSchedule:
         self._latest_search: float | None = None
         self._rests_until = -math.inf
 
+    @property
+    def searched_all_at(self) -> float:
+        """Time of the last search of a whole frame for what is tracked."""
+        return self._vehicles_at if self._finds_vehicles else self._searched_at
+
     def receive_duration(self, took_s: float) -> None:
         """Take how long the last frame took, from its plan on."""
         if self._latest_search is not None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from onboard.observations import PlateCandidate
+from onboard.observations import ImageBox, PlateCandidate
 from onboard.vision.detection import Detection, DetectionKind
 from onboard.vision.look_alikes import folded
 from onboard.vision.motion import FrameMotion
@@ -269,6 +269,21 @@ class VehicleTrack:
         if self.ahead.position_m > 0.0:
             after, _ = perspective.project(self._place)
             self.corners_px = self.corners_px + np.array([after - before, 0.0], np.float32)
+
+    def box_at(self, stamp_s: float, perspective: Perspective) -> ImageBox:
+        """Return its box in a frame: as found there, or moved and scaled as its place has since."""
+        box = bounding_box(self.corners_px)
+        if self.is_crossing or stamp_s in (self.detected_at, self.rear_tracked_at):
+            return box
+        found, scale = self.last.position, self.last.position.ahead_m / self._place.ahead_m
+        from_px = perspective.project(RoadPosition(found.ahead_m, found.right_m, 0.0))
+        to_px = perspective.project(self._place)
+        return ImageBox(
+            to_px[0] + scale * (box.x_px - from_px[0]),
+            to_px[1] + scale * (box.y_px - from_px[1]),
+            scale * box.w_px,
+            scale * box.h_px,
+        )
 
     @property
     def _place(self) -> RoadPosition:

@@ -20,12 +20,13 @@ from onboard.errors import UserError
 from onboard.observations import ImageBox, Lead, LeadIdentity, Plate
 from onboard.settings import load_settings
 from onboard.tools.calibrate.cli import calibrate
-from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame
+from onboard.tools.see.annotated_frame import COLUMNS, AnnotatedFrame, annotate_frames
 from onboard.tools.see.cli import see
 from onboard.tools.see.ground_truth import GroundTruth
 from onboard.tools.see.score import Scores, edit_distance
 from onboard.vision.frames import Frame
-from onboard.vision.settings import Calibration
+from onboard.vision.networks import load_perception
+from onboard.vision.settings import Calibration, VisionSettings
 from onboard.vision.vehicle_finder import overlap
 from sim_rig.rendering.scene import Scene, SceneCar
 from tests.vision.drive import CAMERA, RENDERER, frames
@@ -136,6 +137,22 @@ def test_of_a_drive_each_text_is_printed_once(drive: Path) -> None:
 
     assert re.match(r"TAG1 \([01]\.\d\d\): frames: 10, 0\.0 to 0\.9 s, \d+ to \d+ px wide$", text)
     assert tally.startswith("frames: 10")
+
+
+def test_a_drive_is_searched_as_often_as_in_a_car_and_on_demand_in_every_frame(
+    drive: Path, tmp_path: Path
+) -> None:
+    beside = SceneCar(9.0, 3.0, tag_id=2, tag_side_m=0.4)
+    for stamp_s, image in frames(lambda t: Scene(cars=(SceneCar(12 - t, 0.0, **TAG), beside)), 2.0):
+        cv2.imwrite(str(tmp_path / f"f{round(10 * stamp_s)}.png"), image)
+
+    def rows_of(text: str, *given: str) -> int:
+        printed = run(tmp_path, "--fps", "10", *options(drive), *given, "--csv", "-")
+        return sum(row["text"] == text for row in csv.DictReader(printed.splitlines()))
+
+    assert rows_of("TAG1") == rows_of("TAG1", "--every-frame") == 20
+    assert 10 <= rows_of("TAG2") <= 15  # that of the next lane five times a second, once settled
+    assert rows_of("TAG2", "--every-frame") == 20
 
 
 def test_scores_are_printed_against_ground_truth(drive: Path) -> None:
@@ -535,6 +552,24 @@ def test_the_caption_tells_a_lane_without_a_lead_from_a_lead_without_a_text(
     lead: Lead, words: str
 ) -> None:
     assert frame_with("drive.mp4", lead).caption == f"0.0 s  {words}"
+
+
+def test_a_vehicle_beside_is_drawn_where_it_is_between_two_looks_at_it() -> None:
+    def beside(stamp_s: float) -> SceneCar:
+        return SceneCar(8.0 + 3.0 * stamp_s, 3.0, tag_id=2, tag_side_m=0.4)
+
+    drive = frames(lambda t: Scene(cars=(SceneCar(12.0, 0.0, **TAG), beside(t))), 2.0)
+    given = (Frame(stamp_s, np.asarray(image)) for stamp_s, image in drive)
+    perception = load_perception(CAMERA, VisionSettings(plates=False, tag_side_m=0.4))
+
+    looks = 0
+    for seen in annotate_frames(given, perception):
+        if seen.frame.stamp_s > 1.0:
+            quad = RENDERER.plate_quad(beside(seen.frame.stamp_s))
+            true = ImageBox(*quad[0], *(quad[2] - quad[0]))
+            assert max(overlap(box, true) for box in seen.vehicles or ()) > 0.6
+            looks += any(overlap(plate.box, true) > 0.6 for plate in seen.plates)
+    assert 3 <= looks < 9
 
 
 def test_vehicles_are_drawn_and_what_only_looks_like_a_plate_is_not() -> None:

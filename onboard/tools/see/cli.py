@@ -22,7 +22,7 @@ from onboard.tools.see.score import Scores
 from onboard.vision.camera import open_recorded
 from onboard.vision.networks import load_perception
 from onboard.vision.outputs import keep_inputs, writing
-from onboard.vision.parameters import PerceptionParameters
+from onboard.vision.parameters import DEFAULT_PARAMETERS, PerceptionParameters
 from onboard.vision.plate_reader import CERTAIN
 from onboard.vision.recordings import ImageSequence, VideoFile
 from onboard.vision.settings import Calibration, CameraSettings, VisionSettings
@@ -35,7 +35,7 @@ EVERY_FRAME = PerceptionParameters(
     read_period_s=0.0,
     read_period_identified_s=0.0,
 )
-"""Searches all of every frame, and reads every plate."""
+"""Searches all of every frame, and reads every plate, which no car has the time for."""
 STANDARD_OUTPUT = Path("-")
 ENOUGH_FRAMES = 0.9
 """Share of the stated frames from which a video is complete; containers without a count estimate
@@ -68,8 +68,15 @@ def see(
     truth: Annotated[
         Path | None, typer.Option(help="A CSV of the true plates, to score against.")
     ] = None,
+    every_frame: Annotated[
+        bool,
+        typer.Option(
+            "--every-frame",
+            help="Search all of every frame of a drive, and not as often only as in a car.",
+        ),
+    ] = False,
 ) -> None:
-    """Find, read and track plates in a video or in images. Searches all of every frame.
+    """Find, read and track vehicles and plates in a video or in images, as in a car.
 
     Each plate is printed with its confidence and width: of independent images, with its place; of a
     drive, with when it was read.
@@ -94,8 +101,9 @@ def see(
             uses.append(_csv_writer(csv_file, files))
         if video is not None:
             uses.append(_video_writer(video, source.fps, files))
+        parameters = EVERY_FRAME if alone or every_frame else DEFAULT_PARAMETERS
         frames = annotate_frames(
-            source, load_perception(calibration, settings, EVERY_FRAME), alone=alone
+            source, load_perception(calibration, settings, parameters), alone=alone
         )
         for frame in files.enter_context(_progress(frames, source.stated_frames)):
             for use in uses:
