@@ -69,7 +69,7 @@ COMMANDS = {
     "see": Command(
         "onboard.tools.see.cli",
         "see",
-        "Find, read and track vehicles and plates in a video or in images, as in a car.",
+        "Find vehicles and plates in a video or in images, as a car does.",
     ),
     "calibrate": Command(
         "onboard.tools.calibrate.cli",

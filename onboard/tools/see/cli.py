@@ -76,7 +76,7 @@ def see(
         ),
     ] = False,
 ) -> None:
-    """Find, read and track vehicles and plates in a video or in images, as in a car.
+    """Find vehicles and plates in a video or in images, as a car does.
 
     Each plate is printed with its confidence and width: of independent images, with its place; of a
     drive, with when it was read.
