@@ -114,6 +114,8 @@ class VehicleTrack:
             rate_sigma_m_s=1.5,
             acceleration_sigma_m_s2=1.0,
         )
+        self._cornered = stamp_s, self._place
+        """Stamp and place of the detection that `corners_px` are of."""
         self.is_crossing = False
         """Whether it was found where only one that crosses can be."""
         self.rear_tracked_at = stamp_s
@@ -272,12 +274,11 @@ class VehicleTrack:
 
     def box_at(self, stamp_s: float, perspective: Perspective) -> ImageBox:
         """Return its box in a frame: as found there, or moved and scaled as its place has since."""
-        box = bounding_box(self.corners_px)
-        if self.is_crossing or stamp_s in (self.detected_at, self.rear_tracked_at):
+        box, (found_at, found) = bounding_box(self.corners_px), self._cornered
+        if self.is_crossing or stamp_s in (found_at, self.rear_tracked_at):
             return box
-        found, scale = self.last.position, self.last.position.ahead_m / self._place.ahead_m
-        from_px = perspective.project(RoadPosition(found.ahead_m, found.right_m, 0.0))
-        to_px = perspective.project(self._place)
+        scale = found.ahead_m / self._place.ahead_m
+        from_px, to_px = perspective.project(found), perspective.project(self._place)
         return ImageBox(
             to_px[0] + scale * (box.x_px - from_px[0]),
             to_px[1] + scale * (box.y_px - from_px[1]),
@@ -320,6 +321,7 @@ class VehicleTrack:
         if detection.kind is not DetectionKind.VEHICLE or self.last.kind is DetectionKind.VEHICLE:
             self.last = detection
             self.corners_px = detection.corners_px
+            self._cornered = stamp_s, self._place
         self.detected_at = self.observed_at = stamp_s
         self._receive_reading(detection, stamp_s)
 
