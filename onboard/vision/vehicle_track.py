@@ -115,7 +115,7 @@ class VehicleTrack:
             acceleration_sigma_m_s2=1.0,
         )
         self._cornered = stamp_s, self._place
-        """Stamp and place of the detection that `corners_px` are of."""
+        """Stamp and place that `corners_px` are of."""
         self.is_crossing = False
         """Whether it was found where only one that crosses can be."""
         self.rear_tracked_at = stamp_s
@@ -271,11 +271,12 @@ class VehicleTrack:
         if self.ahead.position_m > 0.0:
             after, _ = perspective.project(self._place)
             self.corners_px = self.corners_px + np.array([after - before, 0.0], np.float32)
+            self._cornered = stamp_s, self._place
 
     def box_at(self, stamp_s: float, perspective: Perspective) -> ImageBox:
         """Return its box in a frame: as found there, or moved and scaled as its place has since."""
         box, (found_at, found) = bounding_box(self.corners_px), self._cornered
-        if self.is_crossing or stamp_s in (found_at, self.rear_tracked_at):
+        if stamp_s == found_at:
             return box
         scale = found.ahead_m / self._place.ahead_m
         from_px, to_px = perspective.project(found), perspective.project(self._place)
@@ -347,6 +348,7 @@ class VehicleTrack:
         sigma_m = abs(right_slope) * self.gap_sigma_m
         self.right.update(ahead_m * right_slope, math.hypot(sigma_m, BEARING_SIGMA * ahead_m))
         self.observed_at = stamp_s
+        self._cornered = stamp_s, self._place
 
     def _update_format(self, detection: Detection) -> Detection:
         """Update the format of the plate; returns the detection with its width.

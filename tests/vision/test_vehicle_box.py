@@ -8,22 +8,9 @@ import pytest
 from onboard.vision.detection import DetectionKind
 from onboard.vision.perspective import Perspective, bounding_box
 from onboard.vision.plate_formats import PlateFormats
-from onboard.vision.settings import CameraSettings
 from onboard.vision.vehicle_track import VehicleTrack
+from tests.vision.drive import CAMERA
 from tests.vision.test_lead import detection
-
-PERSPECTIVE = Perspective(
-    CameraSettings(
-        source="given",
-        width_px=640,
-        height_px=360,
-        focal_x_px=550.0,
-        focal_y_px=550.0,
-        principal_x_px=320.0,
-        principal_y_px=180.0,
-        mounting_height_m=1.3,
-    )
-)
 
 
 def test_a_box_stays_on_a_vehicle_whose_plate_and_rear_tell_other_distances() -> None:
@@ -39,6 +26,6 @@ def test_a_box_stays_on_a_vehicle_whose_plate_and_rear_tell_other_distances() ->
 
     track.predict(2.0)
 
-    expected, found = track.box_at(2.0, PERSPECTIVE), bounding_box(corners)
+    expected, found = track.box_at(2.0, Perspective(CAMERA)), bounding_box(corners)
     assert expected.w_px == pytest.approx(found.w_px, rel=0.05)
     assert expected.centre_px == pytest.approx(found.centre_px, abs=1.0)
