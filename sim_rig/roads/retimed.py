@@ -37,7 +37,7 @@ def _retimed(drive: Trajectory) -> Trajectory:
     ways_m = _places_m(path)
     speeds_m_s = _drivable_m_s(ways_m, _wished_m_s(path, ways_m))
     left_s = _left_s(path, ways_m, speeds_m_s)
-    driven_m = _rounded(_driven_m(left_s, ways_m, speeds_m_s))
+    driven_m = rounded(_driven_m(left_s, ways_m, speeds_m_s))
     middle_m, heading_rad = path.places(driven_m)
     speed_m_s = np.maximum(np.gradient(driven_m, STEP_S), 0.0)
     return replace(drive, middle_m=middle_m, heading_rad=heading_rad, speed_m_s=speed_m_s)
@@ -99,11 +99,14 @@ def _driven_m(left_s: Array, ways_m: Array, speeds_m_s: Array) -> Array:
     return driven_m
 
 
-def _rounded(driven_m: Array) -> Array:
-    """Moving average, which spreads each change of the acceleration; the ends go on as they are."""
+def rounded(driven_m: Array) -> Array:
+    """Moving average of ways (n,), which spreads each change of the acceleration.
+
+    The ends go on as they are.
+    """
     half = _ROUNDED_STEPS // 2
     before = driven_m[0] - (driven_m[1] - driven_m[0]) * np.arange(half, 0, -1)
     after = driven_m[-1] + (driven_m[-1] - driven_m[-2]) * np.arange(1, half + 1)
     longer = np.concatenate([before, driven_m, after])
-    rounded: Array = np.convolve(longer, np.full(_ROUNDED_STEPS, 1.0 / _ROUNDED_STEPS), "valid")
-    return rounded
+    smooth_m: Array = np.convolve(longer, np.full(_ROUNDED_STEPS, 1.0 / _ROUNDED_STEPS), "valid")
+    return smooth_m
