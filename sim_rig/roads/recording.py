@@ -4,7 +4,7 @@ All trajectories have the same sampling interval, so that interpolation is one v
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from typing_extensions import override
@@ -133,29 +133,3 @@ def record(traffic: Traffic, seconds: float, begin_s: float = 0.0) -> RecordedTr
             Trajectory(name, first[name], middle, np.unwrap(heading), speed, *sizes[name])
         )
     return RecordedTraffic(drives)
-
-
-def keep_right(recording: RecordedTraffic, by_m: float) -> RecordedTraffic:
-    """Shift trajectories along road centres to the right by `by_m`, and smooth their corners."""
-    return RecordedTraffic(_kept_right(drive, by_m) for drive in recording.drives)
-
-
-def _kept_right(drive: Trajectory, by_m: float) -> Trajectory:
-    window = min(11, len(drive))
-    ahead = np.stack([np.cos(drive.heading_rad), np.sin(drive.heading_rad)], axis=1)
-    ahead = _rounded(ahead, window)
-    heading = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
-    right = np.stack([np.sin(heading), -np.cos(heading)], axis=1)
-    return replace(
-        drive, middle_m=_rounded(drive.middle_m, window) + by_m * right, heading_rad=heading
-    )
-
-
-def _rounded(samples: Array, window: int) -> Array:
-    """Moving average (n, 2), with smaller windows at the ends."""
-    half = window // 2
-    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(samples, axis=0)])
-    at = np.arange(len(samples))
-    reach = np.minimum(half, np.minimum(at, len(samples) - 1 - at))
-    rounded: Array = (sums[at + reach + 1] - sums[at - reach]) / (2 * reach + 1)[:, None]
-    return rounded

@@ -18,9 +18,11 @@ from pydantic import Field
 from onboard.errors import UserError
 from sim_rig.roads.crossing import IntersectionSettings, crossing
 from sim_rig.roads.drivability import drivability
+from sim_rig.roads.following import following
 from sim_rig.roads.line_of_sight import Blocked, Corners
-from sim_rig.roads.recording import RecordedTraffic, keep_right, record
+from sim_rig.roads.recording import RecordedTraffic, record
 from sim_rig.roads.retimed import retimed
+from sim_rig.roads.right_lane import in_right_lane, keep_right
 from sim_rig.roads.sources import NAMES, RoadSourceError, open_traffic
 from sim_rig.roads.trace_files import read_trace
 from sim_rig.studies.campaigns.progress import report
@@ -48,7 +50,7 @@ class SceneName(StrEnum):
     SUMO_GRID = "sumo-grid"
     """Nine signalled crossings at oblique angles, some 110 cars, from SUMO; without buildings."""
     CITY = "city"
-    """Sparse: the paper's city trace, at speeds that a car can drive (`roads/retimed.py`)."""
+    """Sparse: the paper's city trace, driven as cars can (`roads/retimed.py`, `following.py`)."""
     CITY_TRACE = "city-trace"
     """The paper's city trace as it is, which no car can drive."""
 
@@ -118,9 +120,10 @@ def open_scene(scene: SceneSource) -> OpenScene:
             raise UserError(f"this scene needs {path} (RIG_DATA names the folder of recordings)")
         if scene in _CITIES:
             trace = read_trace(path)
-            recording = keep_right(
-                retimed(trace) if scene is SceneName.CITY else trace, _CITY_LANE_M
-            )
+            if scene is SceneName.CITY:
+                recording = following(retimed(in_right_lane(trace, _CITY_LANE_M)))
+            else:
+                recording = keep_right(trace, _CITY_LANE_M)
             return OpenScene(recording, None, f"{scene} ({path.name})", has_lights=False)
         return OpenScene(read_trace(path), Corners(_CORNERS_M), path.name)
     if scene is SceneName.OWN_CROSSING:

@@ -11,7 +11,8 @@ from sim_rig.roads.disturbed import DisturbedTraffic
 from sim_rig.roads.driver import ReactionSettings
 from sim_rig.roads.events import NoEventError, TrafficEvent, TrafficEventKind, TrafficEvents
 from sim_rig.roads.paths import DrivePath, blocked_at_m
-from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory, keep_right, record
+from sim_rig.roads.recording import STEP_S, RecordedTraffic, Trajectory, record
+from sim_rig.roads.right_lane import keep_right
 
 SPEED_M_S, GAP_M, LENGTH_M = 15.0, 20.0, 4.5
 ALERT = ReactionSettings(
