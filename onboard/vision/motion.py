@@ -89,6 +89,10 @@ class FrameMotion:
         self._position_m += by_m
         self._rate_m_s += by_m_s
 
+    def disturb(self, rate_variance_m2_s2: float) -> None:
+        """Add to the variance of the rate: it has changed by what is not known."""
+        self._rr += rate_variance_m2_s2
+
     def scale(self, factor: float) -> None:
         """Multiply all lengths by `factor`: all measurements so far were in another unit."""
         self._position_m *= factor

@@ -1,10 +1,10 @@
 """The perception core: camera frames to plates, vehicle detections and the lead.
 
 `Perception.receive_frame` is the list of a frame's steps, each of a file of its own: admission
-(`frame_admission`), frozen images (`frozen_camera`), the lead's rear (`lead_rear`), what impairs
-the picture (`picture_watch`), what to search (`search_schedule`), the lane (`lane_watch`),
-detection (`sized_camera`), association with tracks (`tracker`), the lead among them (`lead`) and
-the report (`track_report`).
+(`frame_admission`), frozen images (`frozen_camera`), the lead's rear (`lead_rear`), how fast the
+vehicle turns (`camera_turn`), what impairs the picture (`picture_watch`), what to search
+(`search_schedule`), the lane (`lane_watch`), detection (`sized_camera`), association with tracks
+(`tracker`), the lead among them (`lead`) and the report (`track_report`).
 """
 
 from collections import deque
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.observations import Curvature, Discarded, ImageBox
+from onboard.vision.camera_turn import CameraTurn
 from onboard.vision.detection import Detection
 from onboard.vision.frame_admission import AdmittedFrame, FrameAdmission
 from onboard.vision.frozen_camera import FrozenCamera
@@ -55,6 +56,7 @@ class Perception:
         self._admission = FrameAdmission(cameras)
         self._frozen_camera = FrozenCamera(parameters.frozen_after_s)
         self._picture_watch = PictureWatch(lane_m, has_mounting=cameras.has_mounting)
+        self._camera_turn = CameraTurn()
         self._rear = LeadRear(lane_m)
         self._schedule = SearchSchedule(parameters, finds_vehicles=finds_vehicles)
         self._lane_watch = LaneWatch(lane_m, finds_vehicles=finds_vehicles)
@@ -74,6 +76,7 @@ class Perception:
         """Drop all tracks and stamps: the next frame is of another drive."""
         self._cameras.reset()
         self._admission.reset()
+        self._camera_turn.reset()
         self._picture_watch.reset()
         self._schedule.reset()
         self._lane_watch.reset()
@@ -127,6 +130,8 @@ class Perception:
             self._drop_tracks()  # other vehicles may have taken their positions meanwhile
         self._events += self._frozen_camera.receive_new_image(frame.stamp_s)
         self._rear.track(frame, self._lead)
+        self._camera_turn.receive_frame(frame)
+        self._tracker.receive_turn_rate(self._camera_turn.rate_rad_s)
         self._tracker.follow_crossing(frame.camera.perspective, frame.stamp_s)
         tracks = self._tracker.tracks
         vehicles = [bounding_box(track.corners_px) for track in tracks]

@@ -51,6 +51,9 @@ the image's border cuts, and with a guessed lens, far vehicles of all lanes are 
 RIM_PER_S = 1.0
 """Growth of these shares while the track is not observed: it moves on unseen, but not to another
 place. Chosen, not fitted."""
+BEND_RAD_S, TURN_RAD_S = 0.15, 0.3
+"""Turn rate up to which vehicles ahead go along, as in a bend of a road (2 m/s2 at 50 km/h), and
+from which they do not, as at a junction or around an obstacle (4 m/s2)."""
 _OUTSIDE_GATE = 1e6
 
 
@@ -76,6 +79,7 @@ class Tracker:
         self._slope = slope
         self._next_id = 1
         self._size_px: tuple[int, int] | None = None
+        self._turn_rad_s = 0.0
         self.tracks: list[VehicleTrack] = []
 
     def receive_size(self, size_px: tuple[int, int]) -> None:
@@ -91,10 +95,17 @@ class Tracker:
         for track in self.tracks:
             track.right.move(-by_rad * track.ahead.position_m, -by_rad * track.ahead.rate_m_s)
 
-    def follow_crossing(self, perspective: Perspective, stamp_s: float) -> None:
-        """Move vehicles that cross to where they are expected in the frame of this stamp."""
+    def receive_turn_rate(self, rate_rad_s: float) -> None:
+        """Take the host vehicle's turn rate to the right, as it is in the next frame."""
+        share = (abs(rate_rad_s) - BEND_RAD_S) / (TURN_RAD_S - BEND_RAD_S)
+        before_rad_s, self._turn_rad_s = self._turn_rad_s, min(max(share, 0.0), 1.0) * rate_rad_s
         for track in self.tracks:
-            if track.is_crossing and track.ahead.position_m > 0.0:
+            track.receive_turn(before_rad_s, self._turn_rad_s)
+
+    def follow_crossing(self, perspective: Perspective, stamp_s: float) -> None:
+        """Move vehicles that cross the picture to where they are expected in this stamp's frame."""
+        for track in self.tracks:
+            if (track.is_crossing or self._turn_rad_s) and track.ahead.position_m > 0.0:
                 track.follow(perspective, stamp_s)
 
     def receive_detections(
@@ -230,6 +241,7 @@ class Tracker:
 
     def _start_track(self, detection: Detection, stamp_s: float) -> VehicleTrack:
         track = VehicleTrack(self._next_id, detection, stamp_s, self._formats)
+        track.receive_turn(0.0, self._turn_rad_s)
         self._next_id += 1
         self.tracks.append(track)
         return track

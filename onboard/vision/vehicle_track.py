@@ -49,6 +49,9 @@ until the next search around what is new, and not until the next one of the whol
 SETTLED_ACROSS_M_S = 2.5
 """Sigma of the speed across the road from which on a crossing vehicle is searched for like others:
 until the next search of the whole picture, it moves by a quarter of its length more or less."""
+GOES_ALONG = 0.5
+"""Sigma of the speed across the road that a turn gives, as a share of what it gives to one that
+stands: one that goes along is two sigmas away."""
 BEARING_SIGMA = 0.003
 """Sigma of the direction to the middle of a rear, in rad."""
 SIZE_SIGMA = {DetectionKind.TAG: 0.02, DetectionKind.PLATE: 0.06, DetectionKind.VEHICLE: 0.1}
@@ -263,6 +266,16 @@ class VehicleTrack:
             acceleration_sigma_m_s2=ACROSS_SIGMA_M_S2,
         )
         self.right.predict(stamp_s)
+
+    def receive_turn(self, before_rad_s: float, now_rad_s: float) -> None:
+        """Take another turn rate of the host vehicle, to the right: others seem to move across.
+
+        One that stands does by the turn, one that goes along in it does not.
+        """
+        ahead_m = self.ahead.position_m
+        self.right.move(0.0, (before_rad_s - now_rad_s) * ahead_m)
+        change_rad2_s2 = abs(now_rad_s**2 - before_rad_s**2)
+        self.right.disturb((GOES_ALONG * ahead_m) ** 2 * change_rad2_s2)
 
     def follow(self, perspective: Perspective, stamp_s: float) -> None:
         """Predict the state, and move the corners sideways to where it is then."""

@@ -1,7 +1,7 @@
 """A vehicle that crosses keeps its track; detections are given, at the times of searches."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,8 +109,10 @@ def _is_in(box: ImageBox, part: tuple[int, int, int, int]) -> bool:
     return not is_cut_at_left and not (right < WIDTH_PX and box.x_px + box.w_px > right - 2)
 
 
-def reports(duration_s: float, *cars: Car) -> list[VehicleDetection]:
-    """What perception reports of these cars."""
+def reports(
+    duration_s: float, *cars: Car, picture: Callable[[float], Image] | None = None
+) -> list[VehicleDetection]:
+    """What perception reports of these cars, before an empty road or in given pictures."""
     given, rng = GivenCars(cars), np.random.default_rng(1)
     settings = VisionSettings(tag_dictionary=None, plates=False, vehicles=True)
     perception = Perception(CAMERA, settings, Networks(vehicle_model=given))
@@ -118,8 +120,11 @@ def reports(duration_s: float, *cars: Car) -> list[VehicleDetection]:
     found = []
     for index in range(round(duration_s * FPS)):
         given.at_s = index / FPS
-        image = empty.copy()
-        image[::7, ::5] = rng.integers(256)  # else it would be the same image again
+        if picture is None:
+            image = empty.copy()
+            image[::7, ::5] = rng.integers(256)  # else it would be the same image again
+        else:
+            image = picture(given.at_s)
         perception.receive_frame(image, given.at_s)
         while (event := perception.next_event()) is not None:
             if isinstance(event, VehicleDetection):
