@@ -113,6 +113,17 @@ def test_a_picture_after_a_pause_tells_no_turn() -> None:
     assert rates[-1][1] == 0.0
 
 
+@pytest.mark.parametrize("pitch_rad", [-0.5, 0.5], ids=["to the sky", "to the road"])
+def test_a_camera_that_does_not_show_the_horizon_tells_no_turn(pitch_rad: float) -> None:
+    camera = CAMERA.model_copy(update={"pitch_rad": pitch_rad})
+    settings = VisionSettings(tag_dictionary=None, plates=False)
+    frames = ((index / 15, panorama(0.4 * index / 15)) for index in range(5))
+
+    rates = _turn_rates(SizedCameras(camera, settings, Networks()), frames)
+
+    assert [rate for _, rate in rates] == [0.0] * 5
+
+
 @pytest.mark.parametrize(("ahead_m", "right_m"), [(12.0, 1.0), (20.0, 3.5), (20.0, 12.0)])
 def test_a_parked_car_is_one_track_while_the_vehicle_turns(ahead_m: float, right_m: float) -> None:
     car = SeenFromTurning(ahead_m, right_m, is_across=False)
