@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onboard.kinematics.arrays import Array
+from onboard.risk.path_ahead import MAX_HEADING_DIFFERENCE_RAD
 from onboard.risk.vehicle_motion import SETTLED_SIGMA_M_S
 from onboard.tracking.perceived_object import PerceivedObject
 
@@ -14,6 +15,9 @@ CROSSING_RANGE_M = 120.0
 """Largest distance of either vehicle from the crossing: 4 s at 30 m/s."""
 MIN_ANGLE_RAD = 0.35
 """Smallest angle between the courses; below it paths count as parallel."""
+MIN_SAME_WAY_RAD = MAX_HEADING_DIFFERENCE_RAD
+"""The same of vehicles that drive the same way: up to it, they may be on one road that bends, where
+FCW judges them. Behind who turns a corner, the next one's course crosses his."""
 MIN_SPEED_M_S = 0.3
 """A slower vehicle has no course."""
 MAX_COURSE_SIGMA_RAD = 0.35
@@ -102,7 +106,9 @@ def _angle_rad(own: PerceivedObject, other: PerceivedObject) -> float | None:
     if min(speed, speed_other) < MIN_SPEED_M_S:
         return None
     turned = east * north_other - north * east_other
-    if abs(turned) < speed * speed_other * math.sin(MIN_ANGLE_RAD):
+    along = east * east_other + north * north_other
+    least_rad = MIN_SAME_WAY_RAD if along > 0.0 else MIN_ANGLE_RAD
+    if abs(turned) < speed * speed_other * math.sin(least_rad):
         return None
     variance, variance_other = _course_variance(own), _course_variance(other)
     if variance is None or variance_other is None:
@@ -110,7 +116,7 @@ def _angle_rad(own: PerceivedObject, other: PerceivedObject) -> float | None:
     sine = min(abs(turned) / (speed * speed_other), 1.0)
     if math.asin(sine) < 2.0 * math.sqrt(max(variance + variance_other, 0.0)):
         return None
-    return math.atan2(turned, east * east_other + north * north_other)
+    return math.atan2(turned, along)
 
 
 def _course_variance(vehicle: PerceivedObject) -> float | None:

@@ -49,7 +49,7 @@ def test_distances_are_along_the_courses_to_where_they_cross() -> None:
 
 @given(
     heading=st.floats(0.0, 6.28),
-    angle=st.floats(0.4, 2.7),
+    angle=st.floats(0.55, 2.7),
     d=st.tuples(st.floats(-50, 100), st.floats(-50, 100)),
     v=st.tuples(st.floats(1.5, 40), st.floats(1.5, 40)),
 )
@@ -70,9 +70,9 @@ def test_any_heading_is_as_good_as_any_other(
 @pytest.mark.parametrize(
     ("angle_deg", "speed_m_s", "sigma_m_s", "crosses"),
     [
-        (25.0, 4.0, 0.9, False),
-        (25.0, 4.0, 0.2, True),
-        (25.0, 14.0, 0.9, True),
+        (30.0, 4.0, 0.9, False),
+        (30.0, 4.0, 0.2, True),
+        (30.0, 14.0, 0.9, True),
         (50.0, 4.0, 0.9, True),
         (90.0, 3.0, 1.0, True),
         (155.0, 4.0, 0.9, False),
@@ -88,6 +88,21 @@ def test_courses_that_may_be_parallel_do_not_cross(
     met = path_crossing(car((0.0, 0.0, speed_m_s, 0.0), 0.5, sigma_m_s), car(other, 0.5, sigma_m_s))
 
     assert (met is not None) == crosses
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "left_m", "speed_m_s", "angle_deg"),
+    [(-28.7, -12.8, 9.8, 28.0), (-11.9, -3.8, 5.1, 26.0), (28.9, 2.1, 0.6, 25.0)],
+    ids=["far behind", "behind", "at the corner"],
+)
+def test_who_drives_the_same_way_on_a_road_that_bends_does_not_cross(
+    ahead_m: float, left_m: float, speed_m_s: float, angle_deg: float
+) -> None:
+    """Of a calm city: who slows down for a corner was warned of the next one behind him."""
+    along = np.array([math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+    other = car((ahead_m, left_m, *(speed_m_s * along).tolist()))
+
+    assert path_crossing(car((0.0, 0.0, 1.2, 0.0)), other) is None
 
 
 @pytest.mark.parametrize(
