@@ -3,8 +3,9 @@
 The `RiskResponse` of either vehicle is given what its own sensors and the other's BSMs report, with
 the rig's errors. Neither driver reacts to alarms. A run is some meetings of one kind.
 
-A nuisance is a warning of a meeting in which each vehicle would have left the place that both cross
-at least `NUISANCE_S` before the other enters it.
+A nuisance is a meeting with a warning in which each vehicle would have left the place that both
+cross at least `NUISANCE_S` before the other enters it. Further warnings of one meeting are no
+further ones: they have the same cause, and the bound takes nuisances as independent.
 """
 
 import math
@@ -97,7 +98,7 @@ class RoleCounts:
     """Crashes without a warning."""
     nuisances: int = 0
     near_misses: int = 0
-    """Warnings of meetings in which both came as near as `NUISANCE_S` without a contact."""
+    """Meetings with a warning in which both came as near as `NUISANCE_S` without a contact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +143,9 @@ def run(settings: AlarmSettings, case: MeetingsCase) -> MeetingsRow:
                 counts.leads_s += [round(meeting.contact_s - at_s, 2) for at_s in warned_s[:1]]
                 counts.missed += not warned_s
             elif meeting.gap_s >= NUISANCE_S:
-                counts.nuisances += len(warned_s)
+                counts.nuisances += bool(warned_s)
             else:
-                counts.near_misses += len(warned_s)
+                counts.near_misses += bool(warned_s)
     return MeetingsRow(case.kind, roles)
 
 

@@ -26,6 +26,12 @@ from sim_rig.cars.gauss_markov import wandered
 from sim_rig.rendering.plate_texts import BR_PATTERNS, EU_PATTERNS, US_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
+from sim_rig.studies.lcca.host_errors import (
+    CLOSING_SIGMA_M_S,
+    SPEEDOMETER,
+    ClosingError,
+    shown_m_s,
+)
 from sim_rig.studies.lcca.plate_view import PlateView
 from sim_rig.studies.lcca.study_lcca import car_id_of
 
@@ -33,12 +39,10 @@ PATTERNS = {"us": US_PATTERNS, "eu": EU_PATTERNS, "br": BR_PATTERNS}
 CHANGES_A_RUN = 10
 BSM_EVERY = 3
 """Images between two BSMs: 5 Hz at 15 images a second."""
-SPEED_STEP_M_S = 1 / 3.6
-"""Resolution of OBD speeds."""
-PLACE_SIGMA_M = 1.0
-"""Of the place that an insider sends, and of the host's."""
 WRONG_S = 1.0
 """Time for which another vehicle may be taken for the lead."""
+PLACE_SIGMA_M = 1.0
+"""Of the place that an insider sends, and of the host's."""
 
 
 class Insider(StrEnum):
@@ -48,7 +52,7 @@ class Insider(StrEnum):
     OWN_SPEED = "own_speed"
     """He answers for the plate ahead, and sends his own speed."""
     COPIED_SPEED = "copied_speed"
-    """He also sends the speed of the lead, 0.3 s late."""
+    """He also sends the speed of the lead, one BSM (0.2 s) late."""
     MIMICRY = "mimicry"
     """He sends that speed, and the place of the lead, and answers under his own ID only: he
     can prove no other."""
@@ -155,8 +159,8 @@ class _Traffic:
         self._in_stream = rng.random(count) < settings.stream
         self._means_m_s = np.where(self._in_stream, 0.0, rng.normal(20.0, 5.0, count))
         self._own_m_s = rng.normal(0.0, 0.7, count)
-        self._stream_m_s = 0.0
-        self._scales = rng.normal(1.006, 0.006, count)
+        self._stream_m_s = np.zeros(1)
+        self._scales = rng.normal(*SPEEDOMETER, count)
         self.speeds_m_s = np.zeros(count)
         self.shown_m_s = np.zeros(count)
         """As the speedometers show them."""
@@ -166,12 +170,11 @@ class _Traffic:
         """Let all speeds wander (Ornstein-Uhlenbeck, 8 and 10 s)."""
         noise = self._rng.standard_normal(len(self._own_m_s))
         self._own_m_s = wandered(self._own_m_s, 0.7, seconds / 8.0, noise)
-        slow = math.exp(-seconds / 10.0)
-        fresh = 2.0 * math.sqrt(1 - slow**2) * float(self._rng.standard_normal())
-        self._stream_m_s = slow * self._stream_m_s + fresh
+        fresh = self._rng.standard_normal(1)
+        self._stream_m_s = wandered(self._stream_m_s, 2.0, seconds / 10.0, fresh)
         stream_m_s = np.where(self._in_stream, 20.0 + self._stream_m_s, 0.0)
         self.speeds_m_s = np.maximum(0.0, self._means_m_s + stream_m_s + self._own_m_s)
-        self.shown_m_s = np.round(self._scales * self.speeds_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
+        self.shown_m_s = shown_m_s(self.speeds_m_s, self._scales)
 
     def stream(self) -> list[int]:
         """Numbers of the vehicles in the host's stream."""
@@ -202,6 +205,7 @@ class _Drive:
         self._track_id = 0
         self._earlier_m_s = 20.0
         self._host_m_s = 20.0
+        self._scale = rng.normal(*SPEEDOMETER, 1)
 
     def follow(self) -> _Change:
         """Follow a new vehicle of the stream."""
@@ -210,23 +214,25 @@ class _Drive:
         self._track_id += 1
         plate = PlateView(self._plates[ahead], rng)
         width_px, gap_m = float(rng.uniform(*settings.plate_px)), float(rng.uniform(10.0, 35.0))
-        identified_s, wrong_from_s, wrong_s, error_m_s = None, None, 0.0, 0.0
+        identified_s, wrong_from_s, wrong_s = None, None, 0.0
+        closing_error = ClosingError(rng)
         for image in range(round(settings.seconds * FPS)):
             now = self._frame / FPS
             self._frame += 1
             self._traffic.advance(1 / FPS)
             ahead_m_s = float(self._traffic.speeds_m_s[ahead])
             self._host_m_s += (ahead_m_s - self._host_m_s) / FPS
-            error_m_s = 0.87 * error_m_s + 0.49 * float(rng.normal(0.0, 0.3))
             self._send_bsms(ahead, now)
             candidates = plate.look(width_px, now)
-            own_m_s = round(self._host_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
+            (own_m_s,) = shown_m_s(np.array([self._host_m_s]), self._scale).tolist()
             self._core.receive_speed(own_m_s, now)
-            closing_m_s = self._host_m_s - ahead_m_s + error_m_s
+            closing_m_s = self._host_m_s - ahead_m_s + closing_error.next_m_s()
             if self._insider.is_alike:
                 self._core.receive_offsets({_INSIDER: (gap_m + REFERENCE_M, 0.0, PLACE_SIGMA_M)})
-            lead = TrackedLead(now, self._track_id, gap_m, closing_m_s, 0.3, candidates)
-            self._core.receive_lead(lead, now)
+            self._core.receive_lead(
+                TrackedLead(now, self._track_id, gap_m, closing_m_s, CLOSING_SIGMA_M_S, candidates),
+                now,
+            )
             self._deliver(ahead, now)
             identity = self._core.identity
             is_right = identity is not None and identity.car_id == self._ids[ahead]

@@ -22,6 +22,12 @@ from sim_rig.cars.camera_view import FPS
 from sim_rig.rendering.plate_texts import EU_PATTERNS, text_of
 from sim_rig.scenario.setting_types import Positive, Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case, Results, Study
+from sim_rig.studies.lcca.host_errors import (
+    CLOSING_SIGMA_M_S,
+    SPEEDOMETER,
+    ClosingError,
+    shown_m_s,
+)
 from sim_rig.studies.lcca.plate_view import PlateView
 from sim_rig.studies.lcca.sparse_road import OWN, SparseRoad
 from sim_rig.studies.lcca.study_lcca import car_id_of
@@ -34,12 +40,6 @@ NEAR_S = 2.5
 """Headway of the hosts at first; leads from 3 s on are not asked for."""
 BSM_EVERY = 3
 """Images between two BSMs: 5 Hz at 15 images a second."""
-SPEED_STEP_M_S = 1 / 3.6
-"""Resolution of OBD speeds."""
-SPEEDOMETER = (1.006, 0.006)
-"""What OBD says of the true speed: mean and sigma."""
-CLOSING_SIGMA_M_S, CLOSING_KEPT = 0.3, 0.87
-"""Sigma of the errors of the closing speed, and what is kept of one from image to image."""
 GNSS_SIGMA_M = 3.0
 """Of each receiver's error, which lasts as long as a run."""
 
@@ -138,22 +138,19 @@ class _Host:
         """Look at the next car ahead; `plate` is what can be read of it."""
         self.car, self.lead = car, car - 1
         self.core = Identification(b"hostcar0", b"host", rng)
-        self._plate, self._rng = plate, rng
-        self._closing_error_m_s = 0.0
+        self._plate = plate
+        self._closing_error = ClosingError(rng)
         self.identified_s: float | None = None
         """When its lead was identified."""
         self._wrong_s = self.longest_wrong_s = 0.0
 
-    def look(self, road: SparseRoad, width_px: float, now: float) -> None:
-        """Take an image; what the core then has to send is to be delivered."""
+    def look(self, road: SparseRoad, own_shown_m_s: float, width_px: float, now: float) -> None:
+        """Take an image, and the speed of its bus; what the core then sends is to be delivered."""
         own_m_s, lead_m_s = road.speeds_m_s[[self.car, self.lead]].tolist()
-        fresh = math.sqrt(1.0 - CLOSING_KEPT**2) * CLOSING_SIGMA_M_S
-        self._closing_error_m_s *= CLOSING_KEPT
-        self._closing_error_m_s += fresh * float(self._rng.standard_normal())
-        self.core.receive_speed(round(own_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S, now)
+        self.core.receive_speed(own_shown_m_s, now)
         candidates = () if self._plate is None else self._plate.look(width_px, now)
         gap_m, closing_m_s = float(road.gaps_m[self.car]), own_m_s - lead_m_s
-        measured_m_s = closing_m_s + self._closing_error_m_s
+        measured_m_s = closing_m_s + self._closing_error.next_m_s()
         lead = TrackedLead(now, 1, gap_m, measured_m_s, CLOSING_SIGMA_M_S, candidates)
         self.core.receive_lead(lead, now)
 
@@ -200,18 +197,18 @@ class _Drive:
         self._frame += 1
         now = self._frame / FPS
         self._road.advance(1 / FPS)
-        shown_m_s = np.round(self._scales * self._road.speeds_m_s / SPEED_STEP_M_S) * SPEED_STEP_M_S
+        shown = shown_m_s(self._road.speeds_m_s, self._scales).tolist()
         for host, width_px in zip(self.hosts, self._widths_px, strict=True):
             if self._frame % BSM_EVERY == 0:
-                self._send_bsms(host, shown_m_s.tolist(), now)
-            host.look(self._road, width_px, now)
-            self._deliver(host, shown_m_s.tolist(), now)
+                self._send_bsms(host, shown, now)
+            host.look(self._road, shown[host.car], width_px, now)
+            self._deliver(host, shown, now)
             host.judge(now)
 
-    def _send_bsms(self, host: _Host, shown_m_s: Sequence[float], now: float) -> None:
+    def _send_bsms(self, host: _Host, shown: Sequence[float], now: float) -> None:
         senders = sorted(self.radios - {host.car})
         for car in senders:
-            host.core.receive_speed_on_air(_sender(car), _sender(car), shown_m_s[car], now)
+            host.core.receive_speed_on_air(_sender(car), _sender(car), shown[car], now)
         if self._has_positions:
             errors_m = self._errors_m - self._errors_m[host.car]
             offsets_m = (self._road.offsets_m(host.car) + errors_m).tolist()
@@ -219,7 +216,7 @@ class _Drive:
                 {_sender(car): (*offsets_m[car], GNSS_SIGMA_M) for car in senders}
             )
 
-    def _deliver(self, host: _Host, shown_m_s: Sequence[float], now: float) -> None:
+    def _deliver(self, host: _Host, shown: Sequence[float], now: float) -> None:
         """Let those who bear a name in the inquiries answer."""
         for message in host.core.messages_to_send():
             if not isinstance(message, Inquiry):
@@ -229,7 +226,7 @@ class _Drive:
                 if self._rng.random() >= self._loss:
                     sender = _sender(car)
                     answer = Answer(
-                        self._ids[car], message.sender_id, message.sequence, sender, shown_m_s[car]
+                        self._ids[car], message.sender_id, message.sequence, sender, shown[car]
                     )
                     host.core.receive_message(answer, None, now + 0.005)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_rig.studies.alarms import crossing_alarms_study
 from sim_rig.studies.alarms.crossing_alarms_study import (
     ROLES,
     SPEED_AGE_S,
@@ -63,6 +64,17 @@ def test_the_bus_reports_the_yaw_rate_of_the_turn() -> None:
     for tick in ticks[::5]:
         reported = yaw_rate(turned, int(tick), 1, noise_rad_s=0.0)
         assert -reported.yaw_rate_rad_s == pytest.approx(slope_rad_s[tick - late], rel=0.02)
+
+
+def test_several_warnings_of_one_meeting_are_one_nuisance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They have one cause, while the bound of nuisances takes these as independent."""
+    monkeypatch.setattr(crossing_alarms_study, "_warned_s", lambda *_: iter([1.0, 2.0, 3.0]))
+    traffic = TrafficSettings(approaches=4, ignoring=0.0)
+
+    row = STUDY.one(FEW.model_copy(update={"traffic": traffic}), 0)
+
+    for counts in row.roles.values():
+        assert counts.nuisances + counts.near_misses == 4
 
 
 @pytest.mark.long

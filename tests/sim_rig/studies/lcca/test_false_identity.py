@@ -3,10 +3,13 @@
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from onboard.lcca.identification import Identification
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
+from sim_rig.studies.lcca import false_identity_study
 from sim_rig.studies.lcca.false_identity_study import STUDY, FalseIdentitySettings, Insider
 
 SMALL = FalseIdentitySettings(runs=1, vehicles=30, fleet=10, seconds=2.0, radios=(1.0,))
@@ -40,3 +43,16 @@ def test_the_table_is_written(tmp_path: Path) -> None:
         (line,) = csv.DictReader(file)
     assert line["changes"] == "10"
     assert "0 of 10 vehicles ahead" in summary
+
+
+def test_a_host_knows_its_speed_by_its_speedometer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was given its true speed, some 20 m/s, while all others sent what theirs show."""
+    monkeypatch.setattr(false_identity_study, "SPEEDOMETER", (2.0, 0.0))
+    received_m_s: list[float] = []
+    monkeypatch.setattr(
+        Identification, "receive_speed", lambda _, speed_m_s, _now: received_m_s.append(speed_m_s)
+    )
+
+    STUDY.one(SMALL, 0)
+
+    assert 30.0 < np.mean(received_m_s) < 50.0

@@ -5,9 +5,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from onboard.lcca.identification import Identification
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import run_study
+from sim_rig.studies.lcca import sparse_leads_study
 from sim_rig.studies.lcca.sparse_leads_study import STUDY, SparseLeadsSettings
 from sim_rig.studies.lcca.sparse_road import LANE_M, ONCOMING, OWN, SparseRoad
 
@@ -72,3 +75,16 @@ def test_offsets_are_those_of_the_host_s_lane() -> None:
     rights_m = road.offsets_m(1)[road.lanes == ONCOMING][:, 1]
     assert (rights_m == -2.0 * LANE_M).all()
     assert road.lanes[1] == OWN
+
+
+def test_a_host_knows_its_speed_by_its_speedometer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was given its true speed, while all others sent what theirs show."""
+    monkeypatch.setattr(sparse_leads_study, "SPEEDOMETER", (1.1, 0.0))
+    received_m_s: list[float] = []
+    monkeypatch.setattr(
+        Identification, "receive_speed", lambda _, speed_m_s, _now: received_m_s.append(speed_m_s)
+    )
+
+    STUDY.one(SMALL.model_copy(update={"speed_m_s": (20.0, 20.0), "seconds": 2.0}), 0)
+
+    assert 21.0 < np.mean(received_m_s) < 23.0
