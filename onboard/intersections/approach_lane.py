@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from onboard.errors import DecodeError
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.fields import Chosen
 from onboard.messages.lane_nodes import ComputedLane, LatLon, Node
@@ -17,6 +18,9 @@ _LEAST_COSINE = math.cos(math.radians(45.0))
 """Of the angle between a vehicle on a lane and the lane."""
 BEYOND_M = 10.0
 """Distance beyond the last node within which a vehicle is still on the lane."""
+MAX_NODES = 512
+"""Nodes of the lanes of a road-side unit that are kept: each costs time for each vehicle that
+crosses. 1,400 octets have at most 448 nodes, of 25 bits each; computed lanes repeat them."""
 
 Point = tuple[float, float]
 """East and north of the reference point, in m."""
@@ -111,7 +115,13 @@ def approach_lanes(geometry: IntersectionGeometry, frame: LocalFrame) -> tuple[A
     Args:
         geometry: the intersection.
         frame: around its reference point.
+
+    Raises:
+        DecodeError: `too_many_nodes`, of all lanes together.
     """
+    nodes = _nodes(geometry)
+    if nodes > MAX_NODES:
+        raise DecodeError("too_many_nodes", f"{nodes} nodes")
     courses = {lane.lane_id: _points(lane.node_list, frame) for lane in geometry.lanes}
     lanes = []
     for lane in geometry.lanes:
@@ -124,6 +134,21 @@ def approach_lanes(geometry: IntersectionGeometry, frame: LocalFrame) -> tuple[A
             width_m = geometry.lane_width_m or DEFAULT_WIDTH_M
             lanes.append(ApproachLane(lane.lane_id, signal_groups, points_m, width_m))
     return tuple(lanes)
+
+
+def _nodes(geometry: IntersectionGeometry) -> int:
+    """Return the number of nodes of all lanes, and of those that are computed from them."""
+    listed = {
+        lane.lane_id: len(lane.node_list.value)
+        for lane in geometry.lanes
+        if lane.node_list.name == "nodes"
+    }
+    computed = (
+        listed.get(lane.node_list.value.reference_lane_id, 0)
+        for lane in geometry.lanes
+        if isinstance(lane.node_list.value, ComputedLane)
+    )
+    return sum(listed.values()) + sum(computed)
 
 
 def _signal_groups(lane: GenericLane) -> frozenset[int]:

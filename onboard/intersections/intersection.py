@@ -1,17 +1,18 @@
 """What is known of one intersection: its lanes by MAP, its signals by SPAT messages."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from onboard.errors import DecodeError
-from onboard.intersections.approach_lane import ApproachLane, approach_lanes
+from onboard.intersections.approach_lane import BEYOND_M, ApproachLane, Point, approach_lanes
 from onboard.intersections.signal_phase import SignalPhase, signal_phases
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages.lanes import IntersectionReferenceId
-from onboard.messages.map_data import IntersectionGeometry
+from onboard.messages.map_data import IntersectionGeometry, ReferencePoint
 from onboard.messages.spat import IntersectionState, MovementPhaseState
 
 MAP_LIFETIME_S = 60.0
@@ -55,11 +56,28 @@ class ApproachedSignal:
         return min(each.min_left_s or 0.0 for each in self.phases)
 
 
+class _Box(NamedTuple):
+    """Rectangle around all lanes, outside of which no vehicle is on one of them."""
+
+    west_m: float
+    south_m: float
+    east_m: float
+    north_m: float
+
+    def contains(self, position_m: Point) -> bool:
+        east_m, north_m = position_m
+        return self.west_m <= east_m <= self.east_m and self.south_m <= north_m <= self.north_m
+
+
 @dataclass(frozen=True, slots=True)
 class _Map:
     geometry: IntersectionGeometry
     frame: LocalFrame
     lanes: tuple[ApproachLane, ...]
+    box: _Box | None
+    """`None` without lanes."""
+    nodes: int
+    """Of all lanes together."""
     signer_id: bytes | None
     received_at: float
 
@@ -78,12 +96,32 @@ class _Spat:
 class Intersection:
     """One intersection."""
 
-    def __init__(self, intersection_id: IntersectionReferenceId) -> None:
-        """Start without messages."""
+    def __init__(self, intersection_id: IntersectionReferenceId, signer_id: bytes | None) -> None:
+        """Start without messages.
+
+        Args:
+            intersection_id: its number.
+            signer_id: HashedId8 of the certificate of who sends the first one, if it was verified.
+        """
+        self.first_signer_id = signer_id
         self._id = intersection_id
         self._map: _Map | None = None
         self._spat: _Spat | None = None
         self._is_disputed_until = -math.inf
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes of its lanes."""
+        return 0 if self._map is None else self._map.nodes
+
+    def reference_point(self, signer_id: bytes | None, now: float) -> ReferencePoint | None:
+        """Return that of its lanes; `None` where no MAP message of this sender is in use."""
+        known = self._map_in_use(now)
+        return None if known is None or known.signer_id != signer_id else known.geometry.ref_point
+
+    def forget_lanes(self) -> None:
+        """Drop the MAP message."""
+        self._map = None
 
     def receive_map(
         self, geometry: IntersectionGeometry, signer_id: bytes | None, now: float
@@ -91,20 +129,22 @@ class Intersection:
         """Take its part of a MAP message.
 
         Raises:
-            DecodeError: `no_position`, or `contradictory` where the lanes differ from those of
-                the same revision, or another sender's.
+            DecodeError: `no_position`, `too_many_nodes`, or `contradictory` where the lanes differ
+                from those of the same revision, or another sender's.
         """
-        point, known = geometry.ref_point, self._map
+        point, known = geometry.ref_point, self._map_in_use(now)
         if point.latitude_deg is None or point.longitude_deg is None:
             raise DecodeError("no_position", "no reference point")
-        if known is not None and now - known.received_at <= MAP_LIFETIME_S:
+        if known is not None:
             if known.geometry == geometry:
                 self._map = replace(known, signer_id=signer_id, received_at=now)
                 return
             if known.geometry.revision == geometry.revision or known.signer_id != signer_id:
                 raise DecodeError("contradictory", f"other lanes of revision {geometry.revision}")
         frame = LocalFrame(point.latitude_deg, point.longitude_deg)
-        self._map = _Map(geometry, frame, approach_lanes(geometry, frame), signer_id, now)
+        lanes = approach_lanes(geometry, frame)
+        nodes = sum(len(lane.points_m) for lane in lanes)
+        self._map = _Map(geometry, frame, lanes, _box(lanes), nodes, signer_id, now)
 
     def receive_spat(
         self,
@@ -160,9 +200,9 @@ class Intersection:
             frame: of the state.
             now: the time.
         """
-        known = self._map
+        known = self._map_in_use(now)
         speed_m_s = math.hypot(*state[2:])
-        if known is None or now - known.received_at > MAP_LIFETIME_S or speed_m_s < MIN_SPEED_M_S:
+        if known is None or known.box is None or speed_m_s < MIN_SPEED_M_S:
             return None
         east_m, north_m, east_m_s, north_m_s = state
         cos, sin, shift_east_m, shift_north_m = _mapping(known.frame, frame)
@@ -170,6 +210,8 @@ class Intersection:
             cos * east_m - sin * north_m + shift_east_m,
             sin * east_m + cos * north_m + shift_north_m,
         )
+        if not known.box.contains(position_m):
+            return None
         course = (
             (cos * east_m_s - sin * north_m_s) / speed_m_s,
             (sin * east_m_s + cos * north_m_s) / speed_m_s,
@@ -178,7 +220,7 @@ class Intersection:
             (*place, lane)
             for lane in known.lanes
             if (place := lane.place(position_m, course)) is not None
-            and place[1] <= lane.width_m / 2.0 + ASIDE_M
+            and place[1] <= _most_aside_m(lane)
         ]
         if not places:
             return None
@@ -192,6 +234,10 @@ class Intersection:
             tuple(phases) if len(phases) == len(groups) else None,
         )
 
+    def _map_in_use(self, now: float) -> _Map | None:
+        known = self._map
+        return None if known is None or now - known.received_at > MAP_LIFETIME_S else known
+
     def _phase(self, signal_group: int, now: float) -> SignalPhase | None:
         """Return what a signal shows; `None` if that is not known, or not any more."""
         spat, lanes = self._spat, self._map
@@ -202,6 +248,24 @@ class Intersection:
             return None
         phase = spat.phases.get(signal_group)
         return None if phase is None else phase.after(now - spat.sent_at)
+
+
+def _most_aside_m(lane: ApproachLane) -> float:
+    """Distance from a lane's centre line up to which a vehicle may be on it."""
+    return lane.width_m / 2.0 + ASIDE_M
+
+
+def _box(lanes: Sequence[ApproachLane]) -> _Box | None:
+    if not lanes:
+        return None
+    beside_m = BEYOND_M + max(map(_most_aside_m, lanes))
+    easts_m, norths_m = zip(*(point for lane in lanes for point in lane.points_m), strict=True)
+    return _Box(
+        min(easts_m) - beside_m,
+        min(norths_m) - beside_m,
+        max(easts_m) + beside_m,
+        max(norths_m) + beside_m,
+    )
 
 
 @lru_cache(maxsize=64)

@@ -5,13 +5,16 @@ from dataclasses import replace
 import pytest
 
 from onboard.intersections import intersections as core
+from onboard.intersections.approach_lane import MAX_NODES, ApproachLane, Point
 from onboard.intersections.intersection import ApproachedSignal
 from onboard.intersections.intersections import Intersections, SignalAhead
 from onboard.intersections.signal_phase import SignalPhase
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.messages import map_data, spat
+from onboard.messages.fields import Chosen
+from onboard.messages.lane_nodes import ComputedLane
 from onboard.messages.lanes import IntersectionReferenceId
-from onboard.messages.map_data import MapData
+from onboard.messages.map_data import MapData, ReferencePoint
 from onboard.messages.spat import IntersectionStatus, MovementPhaseState, Spat
 from onboard.observations import Discarded, Position
 from onboard.tracking.perceived_object import ObjectSource, PerceivedObject
@@ -292,3 +295,94 @@ def test_only_the_intersections_heard_last_are_kept(
     for number in (1, 2):
         listener.hears(crossing_spat(intersection=IntersectionReferenceId(None, number)))
     assert listener.core.signal_ahead(EASTWARDS) is None
+
+
+BENT = lane(1, [(-8.0 - 3.0 * node, 0.0) for node in range(63)], signal_group=2)
+
+
+def flood(numbers: range, *, north_m: float = 0.0) -> list[MapData]:
+    """MAPs of intersections with these numbers, each of 126 nodes on lane 1."""
+    geometry = crossing_map()
+    (crossing,) = intersections_of(geometry)
+    reference = ReferencePoint(42.0 + north_m / 111_000.0, -83.0)
+    return [
+        replace(
+            geometry,
+            intersections=(
+                replace(
+                    crossing,
+                    id=IntersectionReferenceId(None, number),
+                    ref_point=reference,
+                    lanes=(BENT, replace(BENT, lane_id=2)),
+                ),
+            ),
+        )
+        for number in numbers
+    ]
+
+
+@pytest.fixture
+def nodes_placed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of nodes of the lanes on which a vehicle is looked for exactly."""
+    placed: list[int] = []
+    place = ApproachLane.place
+
+    def counted(self: ApproachLane, position_m: Point, course: Point) -> Point | None:
+        placed.append(len(self.points_m))
+        return place(self, position_m, course)
+
+    monkeypatch.setattr(ApproachLane, "place", counted)
+    return placed
+
+
+def test_of_one_unit_a_vehicle_is_looked_for_on_a_bounded_number_of_nodes(
+    listener: Listener, nodes_placed: list[int]
+) -> None:
+    """A certificate of a road-side unit can fill the vehicle with lanes at one place."""
+    refused = [each for message in flood(range(1, 17)) for each in listener.hears(message)]
+    assert set(refused) == {"map too_many_nodes"}
+    assert listener.states(EASTWARDS) == [GREEN], "of the intersection that was heard first"
+    assert 0 < sum(nodes_placed) <= MAX_NODES
+
+
+def test_of_one_unit_the_nearest_intersections_are_kept(listener: Listener) -> None:
+    listener.core.receive_position(Position(0.0, 42.0, -83.0006, None, 1.0, None, None))
+    refused = [
+        each for message in flood(range(1, 17), north_m=900.0) for each in listener.hears(message)
+    ]
+    assert set(refused) == {"map too_many_nodes"}
+    assert listener.states(EASTWARDS) == [GREEN]
+
+
+def test_a_unit_that_sends_many_intersections_replaces_its_own_only(listener: Listener) -> None:
+    for message in flood(range(1, core.MAX_INTERSECTIONS + 2), north_m=900.0):
+        listener.hears(message, signer=OTHER_UNIT)
+    assert listener.states(EASTWARDS) == [GREEN]
+
+
+def test_lanes_that_are_computed_from_a_long_one_are_refused_where_they_are_too_many() -> None:
+    """An octet of such a message has the vehicle compute and keep three segments."""
+    (message,) = flood(range(1, 2))
+    (crossing,) = intersections_of(message)
+    here = Chosen("small", 0.0)
+    computed = Chosen("computed", ComputedLane(1, here, here))
+    lanes = (BENT, *(replace(BENT, lane_id=number, node_list=computed) for number in range(2, 60)))
+    many = replace(message, intersections=(replace(crossing, lanes=lanes),))
+    one = Listener()
+    assert one.hears(many) == ["map too_many_nodes"]
+    fewer = replace(message, intersections=(replace(crossing, lanes=lanes[:8]),))
+    assert one.hears(fewer) == []
+
+
+def test_far_from_all_lanes_a_vehicle_is_looked_for_on_none(
+    listener: Listener, nodes_placed: list[int]
+) -> None:
+    assert listener.states(vehicle(-48.0, 40.0, 10.0, 0.0)) is None
+    assert nodes_placed == []
+
+
+@pytest.mark.parametrize("on", [(-209.5, 3.0), (-8.1, -3.0)], ids=["last", "at the line"])
+def test_at_the_ends_of_a_lane_a_vehicle_has_its_signal(
+    listener: Listener, on: tuple[float, float]
+) -> None:
+    assert listener.states(vehicle(*on, 10.0, 0.0)) == [GREEN]
