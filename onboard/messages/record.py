@@ -52,6 +52,13 @@ class Record(Field, Generic[RecordT]):
         return self._fixed
 
     @property
+    def fixed_bits(self) -> int:
+        """Size of every encoding. Raises `TypeError` if it varies."""
+        if self._fixed is None:
+            raise TypeError(f"{self.record.__name__} has no fixed size")
+        return self._fixed.bits
+
+    @property
     def size_bytes(self) -> int:
         """Size of every encoding. Raises `TypeError` if it varies or is not whole bytes."""
         if self._size_bytes is None:

@@ -89,6 +89,11 @@ class Tap:
         """See `Stack`."""
         return self._stack.framing
 
+    @property
+    def awaits_speeds(self) -> bool:
+        """See `Stack`."""
+        return self._stack.awaits_speeds
+
     def curvature(self, now: float) -> Curvature | None:
         """See `Stack`."""
         return self._stack.curvature(now)

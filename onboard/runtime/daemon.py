@@ -27,6 +27,7 @@ from onboard.runtime.candidate_ids import CandidateIds
 from onboard.runtime.entropy_source import entropy_source
 from onboard.runtime.gc_tuning import freeze_start_up_objects
 from onboard.runtime.output_sinks import OutputSinks
+from onboard.runtime.polled_loop import PolledLoop
 from onboard.runtime.systemd import Systemd
 from onboard.runtime.wires import Item, Wires
 from onboard.security.key_files import read_own_credentials
@@ -107,8 +108,9 @@ class Daemon:
             self._stack.known_signer,
             self._stack.certificate_in,
             self._stack.framing.read,
+            may_wait=self._stack.framing.may_wait,
         )
-        self._turns = ReceiveTurns(self._wsms, time.monotonic)
+        self._turns = ReceiveTurns(self._wsms, time.monotonic, self._has_input)
         self._inbox: deque[Item] = deque()
         self._handled: list[bytes] = []
         """Received frames of the present step."""
@@ -186,9 +188,8 @@ class Daemon:
                 self._candidate_ids.receive_identity(event)
         self._sinks.show_step(outputs.events, now)
         self._capture_frames(outputs.wsms)
+        # Frames that are left are due at once, after a poll: the loop polls before it runs timers.
         self._arm(min(outputs.timer_at, self._turns.get_timer()))
-        if self._wsms.has_known and self._next_step is None:
-            self._next_step = self._loop.call_soon(self._poll_wires_first)
         self._manager.feed(now)
 
     def _inputs(self, now: float) -> Iterator[Input]:
@@ -221,12 +222,16 @@ class Daemon:
 
     def _take_wsm(self, wsm: bytes) -> None:
         """Have a frame received in its turn."""
-        self._wsms.put(wsm)
-        if self._wsms.has_known:
+        self._turns.put(wsm, at_once=self._stack.awaits_speeds)
+        if self._wsms.is_pressing:
             self._plan_step()
-        unknown_at = self._turns.get_timer()
-        if unknown_at < (math.inf if self._timer is None else self._timer.when()):
-            self._arm(unknown_at)
+        due_at = self._turns.get_timer()
+        if due_at < (math.inf if self._timer is None else self._timer.when()):
+            self._arm(due_at)
+
+    def _has_input(self) -> bool:
+        """Whether a wire has input, as far as this loop can tell."""
+        return not isinstance(self._loop, PolledLoop) or self._loop.has_input()
 
     def _take_brake_button(self, _: None) -> None:
         self._take(lambda now: [BrakeButton(now)])
@@ -240,13 +245,11 @@ class Daemon:
         if self._next_step is None and not self._is_stopped:
             self._next_step = self._loop.call_soon(self._step)
 
-    def _poll_wires_first(self) -> None:
-        """Plan a step after the loop's next poll: it runs planned calls before new input."""
-        self._next_step = self._loop.call_soon(self._step)
-
     def _arm(self, at: float) -> None:
         """Set the timer to `at`, whatever it was set to."""
         if self._timer is not None:
+            if self._timer.when() == at:
+                return
             self._timer.cancel()
         self._timer = None if at == math.inf else self._loop.call_at(at, self._on_timer)
 

@@ -12,6 +12,7 @@ from typing import Annotated
 import structlog
 import typer
 
+from onboard.runtime.polled_loop import PolledLoop
 from onboard.settings import load_settings
 from onboard.tools.commands import without_collection
 from onboard.vehicle.config import CarConfig
@@ -57,7 +58,8 @@ def run(
         # For a second or two, in which the camera's process imports as well.
         from onboard.runtime.service import Service  # noqa: PLC0415
 
-    asyncio.run(Service(file, config, worker).run())
+    with asyncio.Runner(loop_factory=PolledLoop) as runner:
+        runner.run(Service(file, config, worker).run())
 
 
 def _configure_log() -> None:

@@ -46,6 +46,9 @@ class RadioFraming(Protocol):
     def sender_of(self, message: WaveShortMessage) -> bytes | None:
         """Return the temporary ID in an awareness message, unverified; `None` without one."""
 
+    def may_wait(self, message: WaveShortMessage) -> bool:
+        """Whether it is an awareness message that tells of no event, unverified."""
+
 
 class WaveFraming(RadioFraming):
     """WSMP: the message itself is signed."""
@@ -84,8 +87,18 @@ class WaveFraming(RadioFraming):
     def sender_of(self, message: WaveShortMessage) -> bytes | None:
         return bsm_sender(message)
 
+    @override
+    def may_wait(self, message: WaveShortMessage) -> bool:
+        return is_plain_bsm(message)
+
 
 def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
     """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
     payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
     return None if payload is None else bsm.temporary_id_in(payload)
+
+
+def is_plain_bsm(wsm: WaveShortMessage) -> bool:
+    """Return whether `wsm` carries a BSM without event flags, unverified."""
+    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
+    return payload is not None and not bsm.may_tell_event(payload)

@@ -132,6 +132,10 @@ class ItsG5Framing(RadioFraming):
         content = ieee1609dot2.payload_in(message.payload) if message.psid == psid.CAM else None
         return None if content is None else cam.station_id_in(packet.payload_in(content))
 
+    @override
+    def may_wait(self, message: WaveShortMessage) -> bool:
+        return message.psid == psid.CAM  # events are in DENMs
+
     def _source(self, fix: Position | None, now: float, utc_s: float) -> LongPositionVector:
         """Return who sends and where; without a fix the position is 0, and not accurate."""
         age_s = 0.0 if fix is None else now - fix.stamp_s

@@ -4,6 +4,7 @@ Both know vehicles by their communication IDs and rely on what they are given. H
 IDs, IDs of adjacent epochs are masked on the air, and what is not credible is refused.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
@@ -177,6 +178,11 @@ class LccaApplication:
         car_id = self._misbehaviour.car_id_of(signer)
         if car_id is not None:
             self.group.receive_bsm(car_id, now, speed_m_s)
+
+    @property
+    def awaits_speeds(self) -> bool:
+        """Whether a warning waits for a BSM that confirms it."""
+        return self._pending_warnings.get_timer() != math.inf
 
     def check_pending_warnings(self, now: float) -> None:
         """Check the warnings that wait against the BSMs of their vehicles, after a BSM."""

@@ -173,6 +173,11 @@ class Stack:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
         return self._vehicle.surroundings
 
+    @property
+    def awaits_speeds(self) -> bool:
+        """Whether a received warning waits for a BSM that confirms it."""
+        return self._vehicle.awaits_speeds
+
     def curvature(self, now: float) -> Curvature | None:
         """Curvature of the vehicle's path, for the camera; `None` while nothing measures it."""
         return self._vehicle.host.curvature(now)

@@ -214,6 +214,11 @@ class Vehicle(Core):
         return self._lcca.identification
 
     @property
+    def awaits_speeds(self) -> bool:
+        """Whether a received warning waits for a BSM that confirms it."""
+        return self._lcca.awaits_speeds
+
+    @property
     def surroundings(self) -> tuple[PerceivedObject | None, list[PerceivedObject]]:
         """Host vehicle (`None` without a position) and perceived objects at the last assessment."""
         return self._surroundings.host_vehicle, self._surroundings.objects

@@ -35,6 +35,11 @@ def _no_certificate(_wsm: WaveShortMessage) -> None:
     """Find none where nothing is verified."""
 
 
+def _never(_wsm: WaveShortMessage) -> bool:
+    """Let no frame wait."""
+    return False
+
+
 class ReceiveQueue:
     """Urgent frames, then the newest frame of each other sender, then those of unknown signers."""
 
@@ -45,6 +50,8 @@ class ReceiveQueue:
         known_signer: Callable[[WaveShortMessage], bytes | None] = lambda _wsm: NO_KEYS,
         certificate_in: Callable[[WaveShortMessage], tuple[bytes, bool] | None] = _no_certificate,
         read: Callable[[bytes], WaveShortMessage] = wsmp.decode,
+        *,
+        may_wait: Callable[[WaveShortMessage], bool] = _never,
     ) -> None:
         """Queue frames under `urgent_psid` before all others.
 
@@ -57,8 +64,10 @@ class ReceiveQueue:
                 is of use: whether it may be valid, or is an authority's that messages have named.
                 `None` without one.
             read: returns service and 1609.2 data of a frame.
+            may_wait: whether a message of a known signer may wait for others.
         """
         self._read = read
+        self._may_wait = may_wait
         self._urgent_psid = urgent_psid
         self._sender_of = sender_of
         self._known_signer = known_signer
@@ -67,6 +76,7 @@ class ReceiveQueue:
         self._others: OrderedDict[bytes, bytes] = OrderedDict()
         self._unknown = UnknownSigners()
         self._dropped = 0
+        self._is_pressing = False
 
     def __bool__(self) -> bool:
         return self.has_known or self.has_unknown
@@ -82,12 +92,18 @@ class ReceiveQueue:
         return bool(self._urgent or self._others)
 
     @property
+    def is_pressing(self) -> bool:
+        """Whether one of them may not wait for others."""
+        return self._is_pressing and self.has_known
+
+    @property
     def has_unknown(self) -> bool:
         """Whether a frame of an unknown signer waits."""
         return bool(self._unknown)
 
     def put(self, wsm: bytes) -> None:
         """Queue a received frame."""
+        self._is_pressing &= self.has_known
         try:
             message = self._read(wsm)
         except DecodeError:
@@ -99,7 +115,9 @@ class ReceiveQueue:
         elif message.psid == self._urgent_psid:
             most = MAX_URGENT if signer == NO_KEYS else MAX_URGENT_OF_SIGNER
             self._dropped += self._urgent.put(signer, wsm, most)
+            self._is_pressing = True
         else:
+            self._is_pressing = self._is_pressing or not self._may_wait(message)
             self._put_other(self._sender_of(message) or wsm, wsm)
 
     def take(self, *, only_urgent: bool = False) -> bytes | None:

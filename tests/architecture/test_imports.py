@@ -26,7 +26,7 @@ EDGES = frozenset({
     "recorder/black_box.py", "recorder/build.py", "recorder/reader.py", "recorder/repair.py",
     "recorder/retention.py", "recorder/segment.py", "recorder/segments.py",
     "runtime/candidate_ids.py", "runtime/daemon.py", "runtime/output_sinks.py",
-    "runtime/radio_loss.py", "runtime/service.py", "runtime/systemd.py", "runtime/wires.py",
+    "runtime/polled_loop.py", "runtime/radio_loss.py", "runtime/service.py", "runtime/systemd.py", "runtime/wires.py",
     "security/key_files.py", "security/private_file.py",
     "settings.py", "thread_priority.py",
     "trace/trace_file.py",

@@ -464,6 +464,19 @@ def test_the_temporary_id_is_found_without_decoding_the_rest(
     assert bsm.temporary_id_in(frame) == bsm.decode(frame).core.temporary_id
 
 
+@given(core=cores, safety=safeties)
+def test_event_flags_are_found_without_decoding_the_rest(core: dict[str, Any], safety: Any) -> None:
+    frame = framed(core, safety)
+    decoded = bsm.decode(frame).safety
+    assert bsm.may_tell_event(frame) == (decoded is not None and decoded.events is not None)
+
+
+@given(st.binary(max_size=60))
+def test_any_bytes_may_tell_of_an_event_or_not(noise: bytes) -> None:
+    assert bsm.may_tell_event(b"\x00\x14" + noise) in {True, False}
+    assert bsm.may_tell_event(b"\x00\x13" + noise), "another message"
+
+
 @given(st.binary(max_size=20))
 def test_any_bytes_give_a_temporary_id_of_four_bytes_or_none(noise: bytes) -> None:
     for given_bytes in (noise, b"\x00\x14" + noise):
