@@ -16,6 +16,10 @@ _GLASS = (62, 54, 46)
 _RUBBER = (24, 24, 24)
 
 
+OPAQUE = 0.19, 0.05, 0.81, 0.92
+"""Left, top, right and bottom of a box where all rears are opaque, in shares of their size."""
+
+
 @lru_cache(maxsize=64)
 def rear_of_car(
     width_m: float, height_m: float, bgr: tuple[int, int, int], braking: bool

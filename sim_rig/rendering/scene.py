@@ -12,6 +12,7 @@ rears with one side, those with another heading plain boxes; the nearest are pai
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache, partial
@@ -23,7 +24,7 @@ import numpy.typing as npt
 
 from onboard.kinematics.arrays import Array
 from onboard.vision.settings import Calibration, TagDictionary
-from sim_rig.rendering.car_art import PLATE_CENTRE, rear_of_car
+from sim_rig.rendering.car_art import OPAQUE, PLATE_CENTRE, rear_of_car
 from sim_rig.rendering.plate_art import EU, PlateFormat, draw_plate
 
 Image = npt.NDArray[np.uint8]
@@ -158,7 +159,10 @@ class CameraRenderer:
         """Return the image, (h, w, 3) uint8 BGR; `rng` is the source of the sensor noise."""
         look = _LOOKS[scene.light]
         image = self._road(scene, look)
-        for car in sorted(scene.cars, key=lambda car: -car.ahead_m):
+        cars = sorted(scene.cars, key=lambda car: -car.ahead_m)
+        for number, car in enumerate(cars):
+            if self._is_hidden(car, cars[number + 1 :]):
+                continue  # painting it would be for nothing, and most of the work in a row of cars
             if car.is_turned:
                 self._paint_turned(image, car, look)
             elif car.ahead_m > _NEAREST_M:
@@ -252,6 +256,40 @@ class CameraRenderer:
         ]
         shade = [float(0.6 * brightness * c + v) for c, v in zip(car.colour_bgr, veil, strict=True)]
         cv2.fillConvexPoly(image, np.asarray(points, np.int32), shade, cv2.LINE_AA)
+
+    def _is_hidden(self, car: SceneCar, nearer: Sequence[SceneCar]) -> bool:
+        """Whether opaque parts of one of the cars before it cover all of it."""
+        covers = [cover for each in nearer if (cover := self._cover(each)) is not None]
+        if not covers:
+            return False
+        ahead_m, lateral_m = np.asarray(car.corners()).T
+        if ahead_m.min() <= _NEAREST_M:
+            return False
+        left, top, right, bottom = _box_of(
+            *(self.project(ahead_m, lateral_m, height_m) for height_m in (0.0, car.height_m))
+        )
+        return any(
+            each[0] < left and each[1] < top and right < each[2] and bottom < each[3]
+            for each in covers
+        )
+
+    def _cover(self, car: SceneCar) -> tuple[float, float, float, float] | None:
+        """Left, top, right and bottom of an opaque box in its rear; `None` if too small."""
+        if car.is_turned or car.ahead_m <= _NEAREST_M:
+            return None
+        left, top, right, bottom = OPAQUE
+        half_width_m = min(0.5 - left, right - 0.5) * car.width_m
+        quad = self._upright_quad(
+            car, (1.0 - bottom) * car.height_m, (1.0 - top) * car.height_m, half_width_m
+        )
+        (left_u, left_v), (right_u, right_v), (low_right_u, low_right_v), (low_u, low_v) = quad
+        box = (
+            float(max(left_u, low_u)) + _EDGE_PX,
+            float(max(left_v, right_v)) + _EDGE_PX,
+            float(min(right_u, low_right_u)) - _EDGE_PX,
+            float(min(low_v, low_right_v)) - _EDGE_PX,
+        )
+        return box if box[2] - box[0] > _LEAST_COVER_PX else None
 
     def _paint_turned(self, image: Image, car: SceneCar, look: _Look) -> None:
         """The visible faces of a box, each in its own shade."""
@@ -376,6 +414,12 @@ def _bent_lane(scene: Scene) -> _BentLane | None:
     return _BentLane(scene.middle_m) if scene.middle_m else None
 
 
+_EDGE_PX = 3.0
+"""Around what is painted and what covers it: a texel of a warped texture is a pixel at most, and
+its edges are smooth."""
+_LEAST_COVER_PX = 24.0
+"""Width of an opaque box whose texels are no larger than that."""
+
 _KEPT_BY_ALPHA = 1 - np.arange(256, dtype=np.float32) / np.float32(255.0)
 """Share of what is behind a texture, by the texture's alpha."""
 
@@ -410,6 +454,12 @@ def warp_onto(image: Image, texture: Image, quad: Quad) -> None:
     blended = cv2.multiply(region, kept, dtype=cv2.CV_32F)
     cv2.accumulate(cv2.cvtColor(warped, cv2.COLOR_BGRA2BGR), blended)
     region[:] = np.minimum(blended + np.float32(0.5), np.float32(255.0))
+
+
+def _box_of(*points: tuple[Array, Array]) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of pixels, each a row of u and one of v."""
+    across, down = np.hstack(points)
+    return float(across.min()), float(down.min()), float(across.max()), float(down.max())
 
 
 def opaque(texture: Image) -> Image:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from onboard.vision.settings import Calibration
-from sim_rig.rendering.scene import CameraRenderer, Light, Scene, SceneCar, warp_onto
+from sim_rig.rendering.scene import CameraRenderer, Image, Light, Scene, SceneCar, _Look, warp_onto
 
 LEVEL = Calibration(
     width_px=960,
@@ -88,6 +88,55 @@ def test_nearer_cars_hide_farther_ones_whatever_their_order() -> None:
     column, row = (round(value) for value in still().project(6.0, 0.0, 0.75))
     blue, green, red = (int(value) for value in one[row, column])
     assert green > 2 * max(blue, red)
+
+
+@pytest.mark.parametrize("calibration", [LEVEL, TILTED])
+def test_cars_that_are_not_painted_would_not_be_seen(
+    calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draws = rng()
+    painted: list[SceneCar] = []
+    paint = CameraRenderer._paint_car
+
+    def counted(self: CameraRenderer, image: Image, car: SceneCar, look: _Look) -> None:
+        painted.append(car)
+        paint(self, image, car, look)
+
+    monkeypatch.setattr(CameraRenderer, "_paint_car", counted)
+    cars = given = 0
+    for _ in range(60):
+        ahead_m = np.cumsum(draws.uniform(3.0, 30.0, 4))
+        scene = Scene(
+            tuple(
+                SceneCar(
+                    float(each_m),
+                    float(draws.normal(0.0, 0.4)),
+                    float(draws.normal(0.0, 0.1)),
+                    height_m=float(draws.choice([1.2, 1.5, 2.5])),
+                    plate="PA148TK",
+                    colour_bgr=(40, 200, 90),
+                )
+                for each_m in ahead_m
+            ),
+            light=Light.FOG,
+        )
+        painted.clear()
+        image = still(calibration).draw(scene, rng())
+        cars, given = cars + len(painted), given + sum(not car.is_turned for car in scene.cars)
+        with monkeypatch.context() as context:
+            context.setattr(CameraRenderer, "_is_hidden", lambda *_: False)
+            assert np.array_equal(image, still(calibration).draw(scene, rng()))
+    assert cars < given
+
+
+def test_the_cars_before_the_lead_are_not_painted(monkeypatch: pytest.MonkeyPatch) -> None:
+    painted: list[float] = []
+    monkeypatch.setattr(
+        CameraRenderer, "_paint_car", lambda _self, _image, car, _look: painted.append(car.ahead_m)
+    )
+    still().draw(Scene((SceneCar(12.0), SceneCar(41.5), SceneCar(71.0))), rng())
+
+    assert painted == [12.0]
 
 
 def test_the_near_cars_plate_covers_the_far_cars() -> None:
