@@ -129,7 +129,7 @@ class HardBrakeDetector:
 
     def _begin(self, speed: Speed) -> None:
         confidence = CONFIDENCE_PEDAL_PRESSED if self._pedal_pressed else CONFIDENCE
-        for line in self._lines():
+        for line in self._lines(self._threshold_m_s2):
             error_m_s2 = self._error_m_s2(line, self._threshold_m_s2)
             if line.deceleration_m_s2 - confidence * error_m_s2 > self._threshold_m_s2:
                 if speed.speed_m_s >= MIN_SPEED_M_S:
@@ -180,8 +180,8 @@ class HardBrakeDetector:
         jitter_m_s = STAMP_SIGMA_S * deceleration_m_s2
         return resolution_m_s**2 / 12 + ROAD_SIGMA_M_S**2 + jitter_m_s**2
 
-    def _lines(self) -> Iterator[_Line]:
-        """Yield the lines through the newest 3, 4, 5 ... samples."""
+    def _lines(self, above_m_s2: float = -math.inf) -> Iterator[_Line]:
+        """Yield the lines through the newest 3, 4, 5 ... samples, those of more deceleration."""
         if not self._samples:
             return
         newest = self._samples[-1]
@@ -199,11 +199,14 @@ class HardBrakeDetector:
                 continue
             s_tt = sum_tt - sum_t * sum_t / n
             s_tv = sum_tv - sum_t * sum_v / n
+            deceleration_m_s2 = -s_tv / s_tt
+            if deceleration_m_s2 <= above_m_s2:
+                continue
             s_vv = sum_vv - sum_v * sum_v / n
             yield _Line(
                 start_s=sample.stamp_s,
                 span_s=-t,
-                deceleration_m_s2=-s_tv / s_tt,
+                deceleration_m_s2=deceleration_m_s2,
                 s_tt=s_tt,
                 variance=(s_vv - s_tv * s_tv / s_tt) / (n - 2),
             )

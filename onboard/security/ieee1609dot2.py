@@ -28,6 +28,8 @@ _PAYLOAD_ONLY = b"\x40"
 _MOST_CERTIFICATES = 8
 _CACHED_CERTIFICATES = 512
 """Certificates that are not read again: those of the vehicles in range."""
+_READ_AGAIN = 256
+"""Messages whose header is kept: the receive queue reads it for the signer, then the cores."""
 _SIGNATURE_BYTES = 66
 """Kind of signature, kind of point, r and s."""
 
@@ -233,11 +235,19 @@ def _read_signed(reader: OerReader) -> SignedData:
     return SignedData(*header[:5], _read_signer(reader), read_signature(reader), *header[5:])
 
 
-def _read_to_be_signed(
-    reader: OerReader,
-) -> tuple[bytes, int, int | None, int | None, Location | None, bytes, bytes | None]:
-    """Return payload, PSID, generation and expiry time, location, all as encoded, and request."""
-    start = reader.position
+_ToBeSigned = tuple[bytes, int, int | None, int | None, Location | None, bytes, bytes | None]
+"""Payload, PSID, generation and expiry time, location, all as encoded, and request."""
+
+
+def _read_to_be_signed(reader: OerReader) -> _ToBeSigned:
+    header, reader.position = _to_be_signed_at(reader.position, reader.data)
+    return header
+
+
+@lru_cache(_READ_AGAIN)
+def _to_be_signed_at(start: int, data: bytes) -> tuple[_ToBeSigned, int]:
+    """Return what is signed from `start` on, and where it ends."""
+    reader = OerReader(data, start)
     if reader.byte() != _PAYLOAD_ONLY[0]:
         raise Unsupported("a signature over something else than a payload")
     if _read_content(reader) != 0:
@@ -253,10 +263,11 @@ def _read_to_be_signed(
         raise Unsupported("a header that asks for revocation lists or encryption")
     if present & _EXTENDED:
         reader.skip_additions()
-    to_be_signed = reader.data[start : reader.position]
-    return (
+    to_be_signed = data[start : reader.position]
+    header = (
         payload, psid, generation_time64, expiry_time64, location, to_be_signed, p2pcd_request
     )  # fmt: skip
+    return header, reader.position
 
 
 def _read_signer(reader: OerReader) -> bytes | tuple[Certificate, ...]:
