@@ -152,10 +152,15 @@ class Tracker:
             for row, column in cheapest_pairs(costs):
                 if costs[row, column] < _OUTSIDE_GATE:
                     track = self.tracks[column]
-                    if not track.is_crossing and self._is_crossing(detections[row], track, stamp_s):
+                    detection = detections[row]
+                    if (
+                        not track.is_crossing
+                        and self._can_have_crossed(detection, track)
+                        and not _is_at_same_pixels(detection, track, stamp_s)
+                    ):
                         track.cross(stamp_s)
-                    track.update(detections[row], stamp_s)
-                    pairs.append((detections[row], track))
+                    track.update(detection, stamp_s)
+                    pairs.append((detection, track))
                     taken.add(int(row))
         for index, detection in enumerate(detections):
             if index not in taken:
@@ -179,10 +184,11 @@ class Tracker:
         )
         may_cross = track.is_crossing or detection.may_cross
         crossed_m = track.crossed_m(stamp_s) if may_cross else 0.0
-        if self._is_crossing(detection, track, stamp_s):
+        is_at_same_pixels = _is_at_same_pixels(detection, track, stamp_s)
+        if not is_at_same_pixels and self._can_have_crossed(detection, track):
             right_sigma_m = math.hypot(right_sigma_m, crossed_m / GATE_SIGMA)
         cost = (ahead_m / ahead_sigma_m) ** 2 + (right_m / right_sigma_m) ** 2
-        if self._is_at_same_pixels(detection, track, stamp_s):
+        if is_at_same_pixels:
             return cost
         lane_m = 0.5 * self._lane_width_m
         rim = crossed_m / self._lane_width_m if track.is_crossing else 0.0
@@ -205,26 +211,11 @@ class Tracker:
             cost += (height_m / (0.04 * self._lane_width_m)) ** 2
         return cost
 
-    def _is_crossing(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
-        """Whether it is in another lane than the track, and can have crossed to there."""
+    def _can_have_crossed(self, detection: Detection, track: VehicleTrack) -> bool:
+        """Whether it is in another lane than the track, and both may drive across."""
         right_m = abs(detection.position.right_m - track.right.position_m)
         may_cross = track.last.may_cross and detection.may_cross
-        return (
-            may_cross
-            and right_m > 0.5 * self._lane_width_m
-            and not self._is_at_same_pixels(detection, track, stamp_s)
-        )
-
-    def _is_at_same_pixels(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
-        """Whether it, or a fragment of it, is where the track's plate was a moment ago."""
-        if detection.kind is not track.last.kind or stamp_s - track.observed_at > SAME_PLACE_S:
-            return False
-        box, last = detection.box, bounding_box(track.corners_px)
-        return (
-            box.w_px < FRAGMENT_RATIO * last.w_px
-            and last.w_px < FRAGMENT_RATIO * box.w_px
-            and (_contains_middle(box, last) or _contains_middle(last, box))
-        )
+        return may_cross and right_m > 0.5 * self._lane_width_m
 
     def _is_second_plate(self, detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
         """Whether it is a second plate on this vehicle, which was observed a moment ago."""
@@ -263,6 +254,18 @@ def _column_px(track: VehicleTrack, perspective: Perspective) -> float:
     return perspective.project(RoadPosition(ahead_m, right_m, 0.0))[0]
 
 
+def _is_at_same_pixels(detection: Detection, track: VehicleTrack, stamp_s: float) -> bool:
+    """Whether it, or a fragment of it, is where the track's plate was a moment ago."""
+    if detection.kind is not track.last.kind or stamp_s - track.observed_at > SAME_PLACE_S:
+        return False
+    box, last = detection.box, bounding_box(track.corners_px)
+    return (
+        box.w_px < FRAGMENT_RATIO * last.w_px
+        and last.w_px < FRAGMENT_RATIO * box.w_px
+        and _one_contains_middle(box, last)
+    )
+
+
 def _is_beside(
     detection: Detection, track: VehicleTrack, stamp_s: float, crossed: float = 0.0
 ) -> bool:
@@ -273,13 +276,15 @@ def _is_beside(
     unseen_rim = RIM_PER_S * max(0.0, stamp_s - track.observed_at - SAME_PLACE_S)
     rear, other = detection.box, bounding_box(track.corners_px)
     if DetectionKind.PLATE not in kinds:
-        rim = VEHICLE_RIM + unseen_rim + crossed
-        return not (
-            _contains_middle(rear, other, rim=rim) or _contains_middle(other, rear, rim=rim)
-        )
+        return not _one_contains_middle(rear, other, rim=VEHICLE_RIM + unseen_rim + crossed)
     if detection.kind is DetectionKind.PLATE:
         rear, other = other, rear
     return not _contains_middle(rear, other, rim=REAR_RIM + unseen_rim)
+
+
+def _one_contains_middle(one: ImageBox, other: ImageBox, rim: float = 0.0) -> bool:
+    """Whether the middle of one of both lies in the other, with such a rim."""
+    return _contains_middle(one, other, rim) or _contains_middle(other, one, rim)
 
 
 def _contains_middle(one: ImageBox, other: ImageBox, rim: float = 0.0) -> bool:
