@@ -20,7 +20,7 @@ ABOVE, BELOW = 0.3, 0.1
 """Height of the strip over and under the horizon, as shares of the picture's: below, it is road."""
 LONGEST_S = 0.3
 """Time between two frames from which they are not compared: half of the strip is new at 1.7 rad/s
-and 60 degrees."""
+and 60 degrees. A rate that was not measured for so long is not used any more either."""
 LEAST_RESPONSE = 0.3
 """Share of the strip's power at the peak from which the shift counts. It is 0.26 and more in 99 of
 100 frames of each of the six labelled clips, and in most above 0.6."""
@@ -44,7 +44,7 @@ class CameraTurn:
     def reset(self) -> None:
         """Start anew: the next frame is of another drive."""
         self._before: _Strip | None = None
-        self._before_at = -math.inf
+        self._before_at = self._measured_at = -math.inf
         self.rate_rad_s = 0.0
         """Turn rate to the right."""
 
@@ -63,7 +63,10 @@ class CameraTurn:
         focal_px = frame.camera.perspective.width_px(1.0, 1.0) / step_px
         turn_rad_s = -math.atan(shift_px / focal_px) / took_s
         if response < LEAST_RESPONSE or abs(turn_rad_s) > FASTEST_RAD_S:
+            if frame.stamp_s - self._measured_at > LONGEST_S:
+                self.rate_rad_s = 0.0
             return
+        self._measured_at = frame.stamp_s
         self.rate_rad_s += (1.0 - math.exp(-took_s / SMOOTHED_S)) * (turn_rad_s - self.rate_rad_s)
 
 

@@ -110,7 +110,7 @@ def _first_run(which: Sequence[bool] | Array) -> slice:
 
 
 def _use(car: PacedDrive, place: slice, *, joins: bool) -> _Use:
-    """What a car does at a place, by indices of `_ahead_m`."""
+    """What a car does at a place, by indices of its `PlacesAhead`."""
     length_m, rear_m = car.drive.length_m, car.way_m - car.drive.length_m / 2.0
     begin_m, end_m = place.start * EVERY_M, place.stop * EVERY_M
     if joins:  # what follows is driven one behind the other

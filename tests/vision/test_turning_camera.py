@@ -107,6 +107,19 @@ def test_torn_pictures_tell_no_turn() -> None:
     assert max(abs(rate) for _, rate in rates) < 0.05
 
 
+def test_a_turn_of_which_no_picture_tells_any_more_is_over() -> None:
+    """As in rain on the windscreen: tracks were moved across with it for as long as that lasted."""
+    frames = [(index / 15, panorama(0.4 * index / 15)) for index in range(25)]
+    rng = np.random.default_rng(4)
+    for _, image in frames[15:]:
+        image[: HEIGHT_PX * 3 // 4] = rng.integers(90, 170, (HEIGHT_PX * 3 // 4, WIDTH_PX, 3))
+
+    rates = [rate for _, rate in turn_rates(*frames)]
+
+    assert rates[15] == rates[14] > 0.3, "one picture that tells nothing ends no turn"
+    assert rates[-1] == 0.0
+
+
 def test_a_picture_after_a_pause_tells_no_turn() -> None:
     rates = turn_rates((0.0, panorama(0.0)), (1.0, panorama(0.1)))
 
