@@ -33,7 +33,10 @@ class InterfaceSettings(Settings):
     @field_validator("sends")
     @classmethod
     def _are_of_nobody_here(cls, sends: tuple[SentService, ...]) -> tuple[SentService, ...]:
+        psids = [each.psid for each in sends]
         for each in sends:
+            if psids.count(each.psid) > 1:
+                raise ValueError(f"psid 0x{each.psid:X} stands twice")
             if each.psid in psid.OWN:
                 raise ValueError(f"psid 0x{each.psid:X} is of the vehicle's own messages")
         return sends

@@ -39,6 +39,7 @@ class EpochIds:
     """Looks up IDs by plate and time; derived by `PlateDigest`."""
 
     def __init__(self, digest: PlateDigest, own_plate: str) -> None:
+        """Look up by `digest`; replies are masked by `own_plate`."""
         self._digest = digest
         self._own_plate = own_plate
 

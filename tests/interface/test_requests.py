@@ -109,16 +109,16 @@ def test_a_malformed_message_is_refused(wrong: dict[str, object]) -> None:
         read_request(line(kind="message", **fields), (), [TIM])
 
 
-def config_of(profile: str | None, **sends: int) -> CarConfig:
-    tree: dict[str, object] = {"car": {"plate": "AAA1"}, "interface": {"sends": [sends]}}
+def config_of(profile: str | None, *sends: dict[str, int]) -> CarConfig:
+    tree: dict[str, object] = {"car": {"plate": "AAA1"}, "interface": {"sends": list(sends)}}
     if profile is not None:
         tree["radio"] = {"endpoint": "raw", "interface": "air", "profile": profile}
     return parse_settings(tree, CarConfig, "car.yaml")
 
 
 def test_services_of_programs_are_of_the_profile_and_not_the_vehicles_own() -> None:
-    assert TIM in config_of("wave", psid=TIM).psids
-    assert config_of("its-g5", psid=0x8B, btp_port=2006).ports_of_programs == {0x8B: 2006}
+    assert TIM in config_of("wave", {"psid": TIM}).psids
+    assert config_of("its-g5", {"psid": 0x8B, "btp_port": 2006}).ports_of_programs == {0x8B: 2006}
     for profile, sends, reason in (
         ("wave", {"psid": 0x20}, "own"),
         ("its-g5", {"psid": 0x25, "btp_port": 2006}, "own"),
@@ -129,4 +129,11 @@ def test_services_of_programs_are_of_the_profile_and_not_the_vehicles_own() -> N
         (None, {"psid": TIM}, "radio"),
     ):
         with pytest.raises(SettingsError, match=reason):
-            config_of(profile, **sends)
+            config_of(profile, sends)
+
+
+def test_a_service_of_programs_that_stands_twice_is_refused() -> None:
+    """Else the port of the second one is used, and nobody is told."""
+    twice = {"psid": 0x8B, "btp_port": 2006}, {"psid": 0x8B, "btp_port": 2010}
+    with pytest.raises(SettingsError, match="0x8B stands twice"):
+        config_of("its-g5", *twice)
