@@ -11,8 +11,8 @@ RADIO_TURN_S = 0.000_7
 LONGEST_TURN_S = 0.002
 """Time in which one step receives BSMs while no wire has input."""
 
-GATHER_S = 0.01
-"""Time for which BSMs without an event wait for others, a tenth of their interval: a step for each
+GATHER_S = 0.02
+"""Time for which BSMs without an event wait for others, a fifth of their interval: a step for each
 would be half of the steps. Each step takes those that wait."""
 
 UNKNOWN_SIGNERS_SHARE = 0.25
