@@ -94,11 +94,15 @@ class WaveFraming(RadioFraming):
 
 def bsm_sender(wsm: WaveShortMessage) -> bytes | None:
     """Return the temporary ID of the BSM in `wsm`, unverified; `None` if it carries no BSM."""
-    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
+    payload = _bsm_in(wsm)
     return None if payload is None else bsm.temporary_id_in(payload)
 
 
 def is_plain_bsm(wsm: WaveShortMessage) -> bool:
     """Return whether `wsm` carries a BSM without event flags, unverified."""
-    payload = ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None
+    payload = _bsm_in(wsm)
     return payload is not None and not bsm.may_tell_event(payload)
+
+
+def _bsm_in(wsm: WaveShortMessage) -> bytes | None:
+    return ieee1609dot2.payload_in(wsm.payload) if wsm.psid == psid.BSM else None

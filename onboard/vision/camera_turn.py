@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.vision.frame_admission import AdmittedFrame
-from onboard.vision.perspective import RoadPosition
 
 STRIP_PX = 320
 """Width of the strip that is compared, or about that."""
@@ -28,7 +27,6 @@ FASTEST_RAD_S = 1.3
 """Turn rate above which a picture is torn: a car turns so fast at 6.5 m/s in a radius of 5 m."""
 SMOOTHED_S = 0.1
 """Time constant of the reported rate."""
-_FAR_M = 1e6
 _DARKEST = 8.0
 
 _Strip = npt.NDArray[np.float32]
@@ -77,7 +75,7 @@ def _strip(frame: AdmittedFrame, step_px: int) -> _Strip | None:
     the picture does not show the horizon.
     """
     height_px = len(frame.image)
-    _, horizon_px = frame.camera.perspective.project(RoadPosition(_FAR_M, 0.0, 0.0))
+    _, horizon_px = frame.camera.perspective.straight_ahead_px
     top, bottom = (
         round(min(max(horizon_px + share * height_px, 0.0), height_px)) for share in (-ABOVE, BELOW)
     )

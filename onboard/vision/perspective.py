@@ -29,6 +29,7 @@ Corners = npt.NDArray[np.float32]
 _UNTIL_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-6)
 """Undistortion has no closed form; OpenCV's default of five iterations leaves errors at the rim."""
 _IDENTITY = np.eye(3)
+_FAR_M = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,11 @@ class Perspective:
     def mounting_height_m(self) -> float:
         """Height of the lens over the road."""
         return self._calibration.mounting_height_m
+
+    @property
+    def straight_ahead_px(self) -> tuple[float, float]:
+        """Pixel (u, v) of what is far away where the vehicle heads, at the height of the lens."""
+        return self.project(RoadPosition(_FAR_M, 0.0, 0.0))
 
     def project(self, position: RoadPosition) -> tuple[float, float]:
         """Pixel (u, v) of a position in front of the camera."""

@@ -20,7 +20,6 @@ from onboard.vision.frame_admission import AdmittedFrame
 from onboard.vision.free_lane import LEAST_LEVEL
 from onboard.vision.horizon import COLUMNS
 from onboard.vision.lane import LaneShape
-from onboard.vision.perspective import RoadPosition
 
 PERIOD_S, PAIR_S = 1.0, 0.2
 """Time between two examined pictures, and the longest between the two of a pair."""
@@ -49,7 +48,6 @@ FOCUSES, LEAST_FOCUSES = 20, 8
 """Pictures by which it is judged, at most and at least."""
 LEAST_HEADINGS = 5
 """The same by which a camera of unknown mounting is turned: it only was assumed to look ahead."""
-_FAR_M = 1e6
 
 
 class PictureWatch:
@@ -163,7 +161,7 @@ class PictureWatch:
         if focus is None or not 0.0 <= focus[0] <= first.shape[1]:
             return  # while the vehicle turns, the focus is beside the picture
         scale = frame.image.shape[1] / first.shape[1]
-        ahead_px = camera.perspective.project(RoadPosition(_FAR_M, 0.0, 0.0))
+        ahead_px = camera.perspective.straight_ahead_px
         off_px = np.multiply(focus, scale) - ahead_px
         self._turns.append(np.arctan(off_px / camera.perspective.width_px(1.0, 1.0)))
         if camera.horizon is None or self._momentary:

@@ -28,6 +28,8 @@ from sim_rig.rendering.car_art import OPAQUE, PLATE_CENTRE, rear_of_car
 from sim_rig.rendering.plate_art import EU, PlateFormat, draw_plate
 
 Image = npt.NDArray[np.uint8]
+_Box = tuple[float, float, float, float]
+"""Left, top, right and bottom, in pixels."""
 """(h, w, 3), BGR."""
 Quad = npt.NDArray[np.float32]
 """(4, 2): top left, top right, bottom right, bottom left, in pixels."""
@@ -160,8 +162,9 @@ class CameraRenderer:
         look = _LOOKS[scene.light]
         image = self._road(scene, look)
         cars = sorted(scene.cars, key=lambda car: -car.ahead_m)
+        covers = [self._cover(car) for car in cars]
         for number, car in enumerate(cars):
-            if self._is_hidden(car, cars[number + 1 :]):
+            if self._is_hidden(car, covers[number + 1 :]):
                 continue  # painting it would be for nothing, and most of the work in a row of cars
             if car.is_turned:
                 self._paint_turned(image, car, look)
@@ -257,10 +260,9 @@ class CameraRenderer:
         shade = [float(0.6 * brightness * c + v) for c, v in zip(car.colour_bgr, veil, strict=True)]
         cv2.fillConvexPoly(image, np.asarray(points, np.int32), shade, cv2.LINE_AA)
 
-    def _is_hidden(self, car: SceneCar, nearer: Sequence[SceneCar]) -> bool:
-        """Whether opaque parts of one of the cars before it cover all of it."""
-        covers = [cover for each in nearer if (cover := self._cover(each)) is not None]
-        if not covers:
+    def _is_hidden(self, car: SceneCar, covers: Sequence[_Box | None]) -> bool:
+        """Whether one of the opaque boxes before it covers all of it."""
+        if not any(covers):
             return False
         ahead_m, lateral_m = np.asarray(car.corners()).T
         if ahead_m.min() <= _NEAREST_M:
@@ -271,9 +273,10 @@ class CameraRenderer:
         return any(
             each[0] < left and each[1] < top and right < each[2] and bottom < each[3]
             for each in covers
+            if each is not None
         )
 
-    def _cover(self, car: SceneCar) -> tuple[float, float, float, float] | None:
+    def _cover(self, car: SceneCar) -> _Box | None:
         """Left, top, right and bottom of an opaque box in its rear; `None` if too small."""
         if car.is_turned or car.ahead_m <= _NEAREST_M:
             return None
@@ -456,7 +459,7 @@ def warp_onto(image: Image, texture: Image, quad: Quad) -> None:
     region[:] = np.minimum(blended + np.float32(0.5), np.float32(255.0))
 
 
-def _box_of(*points: tuple[Array, Array]) -> tuple[float, float, float, float]:
+def _box_of(*points: tuple[Array, Array]) -> _Box:
     """Left, top, right and bottom of pixels, each a row of u and one of v."""
     across, down = np.hstack(points)
     return float(across.min()), float(down.min()), float(across.max()), float(down.max())

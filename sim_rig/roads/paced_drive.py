@@ -1,13 +1,11 @@
 """A car that drives its recorded path in time, or later."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from sim_rig.roads.cars import Array
 from sim_rig.roads.paths import DrivePath
 from sim_rig.roads.recording import STEP_S, Trajectory
-from sim_rig.roads.retimed import GAINING_M_S2, rounded
+from sim_rig.roads.retimed import GAINING_M_S2, driven_along
 
 EVERY_M = 1.0
 """Distance of the places of a path."""
@@ -87,16 +85,7 @@ class PacedDrive:
         """Its drive, which is the recorded one if nothing held it up."""
         if len(self.ways_m) == len(self.drive) and self._entered == self.drive.first:
             return self.drive
-        ways_m = rounded(np.array(self.ways_m))
-        middle_m, heading_rad = self.path.places(ways_m)
-        speed_m_s = np.maximum(np.gradient(ways_m, STEP_S), 0.0)
-        return replace(
-            self.drive,
-            first=self._entered,
-            middle_m=middle_m,
-            heading_rad=heading_rad,
-            speed_m_s=speed_m_s,
-        )
+        return driven_along(self.path, np.array(self.ways_m), self._entered)
 
 
 def _between(samples: Array, at: float) -> Array:

@@ -37,10 +37,26 @@ def _retimed(drive: Trajectory) -> Trajectory:
     ways_m = _places_m(path)
     speeds_m_s = _drivable_m_s(ways_m, _wished_m_s(path, ways_m))
     left_s = _left_s(path, ways_m, speeds_m_s)
-    driven_m = rounded(_driven_m(left_s, ways_m, speeds_m_s))
+    return driven_along(path, _driven_m(left_s, ways_m, speeds_m_s), drive.first)
+
+
+def driven_along(path: DrivePath, ways_m: Array, first: int) -> Trajectory:
+    """Return the car of a path at these distances (n,) from its start, smoothed.
+
+    Args:
+        path: of the car.
+        ways_m: at each step.
+        first: the step of the first one.
+    """
+    driven_m = _rounded(ways_m)
     middle_m, heading_rad = path.places(driven_m)
-    speed_m_s = np.maximum(np.gradient(driven_m, STEP_S), 0.0)
-    return replace(drive, middle_m=middle_m, heading_rad=heading_rad, speed_m_s=speed_m_s)
+    return replace(
+        path.drive,
+        first=first,
+        middle_m=middle_m,
+        heading_rad=heading_rad,
+        speed_m_s=np.maximum(np.gradient(driven_m, STEP_S), 0.0),
+    )
 
 
 def _places_m(path: DrivePath) -> Array:
@@ -99,7 +115,7 @@ def _driven_m(left_s: Array, ways_m: Array, speeds_m_s: Array) -> Array:
     return driven_m
 
 
-def rounded(driven_m: Array) -> Array:
+def _rounded(driven_m: Array) -> Array:
     """Moving average of ways (n,), which spreads each change of the acceleration.
 
     The ends go on as they are.

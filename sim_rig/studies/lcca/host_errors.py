@@ -3,10 +3,11 @@
 import numpy as np
 
 from onboard.kinematics.arrays import Array
+from onboard.kinematics.units import KM_H
 from sim_rig.cars.camera_view import FPS
 from sim_rig.cars.gauss_markov import wandered
 
-SPEED_STEP_M_S = 1 / 3.6
+SPEED_STEP_M_S = KM_H
 """Resolution of OBD speeds."""
 SPEEDOMETER = (1.006, 0.006)
 """What OBD says of the true speed: mean and sigma."""
