@@ -88,6 +88,22 @@ class AccelerationEstimator:
         times_s -= times_s.mean()
         return float(step_m_s / 2.0 * np.abs(times_s).sum() / (times_s @ times_s))
 
+    def least_m_s2(self, step_m_s: float) -> float:
+        """Return the least acceleration that any sample and the newest one allow.
+
+        Two speeds of resolution `step_m_s` differ by less than one step more than they show.
+        Minus infinity with less than two samples.
+        """
+        newest_s, newest_m_s = self._samples[-1] if self._samples else (0.0, 0.0)
+        return max(
+            (
+                (newest_m_s - speed_m_s - step_m_s) / (newest_s - stamp_s)
+                for stamp_s, speed_m_s in self._samples
+                if stamp_s < newest_s
+            ),
+            default=-math.inf,
+        )
+
     def sigma_m_s2(self, speed_sigma_m_s: float) -> float:
         """Standard deviation of the acceleration, for independent errors of the speeds.
 

@@ -10,6 +10,7 @@ from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
 from onboard.risk.application import Application, Assessed
 from onboard.risk.confirmation import Confirmation
 from onboard.risk.driver_reaction import for_driver
+from onboard.risk.mean_collision_probability import BRAKING_M_S2
 from onboard.risk.required_deceleration import (
     brakes_enough,
     required_deceleration_m_s2,
@@ -32,6 +33,9 @@ raises no alarm."""
 JAM_M_S, ROUTINE_M_S2 = 8.0, 2.5
 """In a jam, slower than this, drivers brake so hard time and again: a time to collision that asks
 for less is no danger."""
+YELLOW_LIGHT_M_S2 = 3.0
+"""With which drivers stop for a yellow light, rounded down (ITE's yellow change interval assumes
+10 ft/s^2). Who brakes already is expected to brake so hard without a warning."""
 MAX_REPORTED_DECELERATION_M_S2 = 20.0
 """Alarms report no larger required deceleration: no braking is as hard."""
 
@@ -138,8 +142,8 @@ def fcw_level(
     """Return the level, and the required deceleration after a reaction in m/s^2.
 
     TTC and required deceleration decide, the more urgent counts; in a jam a TTC counts
-    only if more than routine braking is required. A driver who already brakes enough
-    gets a caution at most (docs/design/risk.md).
+    only if more than routine braking is required. A driver who already brakes enough, or so
+    that the time to react is left, gets a caution at most (docs/design/risk.md).
 
     Args:
         gap_m: to the lead vehicle.
@@ -160,8 +164,31 @@ def fcw_level(
     elif needed_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
         level = Level.CAUTION
     farther_m, faster_m_s = gap_m + sigmas[0], lead[0] + sigmas[1]
-    if level is Level.WARNING and brakes_enough(
-        farther_m, speed_m_s, faster_m_s, lead[1], braking_m_s2
+    if level is Level.WARNING and (
+        brakes_enough(farther_m, speed_m_s, faster_m_s, lead[1], braking_m_s2)
+        or _leaves_time(gap_m, speed_m_s, lead, braking_m_s2, settings)
     ):
         level = Level.CAUTION
     return level, needed_m_s2
+
+
+def _leaves_time(
+    gap_m: float,
+    speed_m_s: float,
+    lead: tuple[float, float],
+    braking_m_s2: float | None,
+    settings: FcwSettings,
+) -> bool:
+    """Whether the driver brakes, needs no hard braking, and has time to react by what he brakes.
+
+    `lead` is its speed in m/s, and its deceleration in m/s^2.
+    """
+    if braking_m_s2 is None or not braking_m_s2 >= BRAKING_M_S2:  # NaN is unknown
+        return False
+    if required_deceleration_m_s2(gap_m, speed_m_s, *lead, 0.0) > YELLOW_LIGHT_M_S2:
+        return False
+    needed_m_s2 = required_deceleration_m_s2(
+        gap_m, speed_m_s, *lead, settings.reaction_s, braking_m_s2=braking_m_s2
+    )
+    ttc_s = time_to_collision_s(gap_m, speed_m_s - lead[0], braking_m_s2)
+    return needed_m_s2 < settings.warning_m_s2 and ttc_s > settings.warning_ttc_s

@@ -37,6 +37,9 @@ class HostBraking:
     def at_least_m_s2(self, now: float) -> float | None:
         """Return the deceleration less what the steps of the speed may have added, 0 or more.
 
+        It is no more than the newest speed allows beside any of the window, so that a driver who
+        ceases to brake is noticed before half a window has passed.
+
         0 with the pedal released: the slope is half a window old, and braking by the engine or a
         cruise control is no reaction of the driver. `None` while it is unknown.
         """
@@ -46,8 +49,9 @@ class HostBraking:
         pedal = self._pedal
         if pedal is not None and now - pedal.stamp_s <= self._window_s and not pedal.pressed:
             return 0.0
-        error_m_s2 = self._trend.largest_error_m_s2(self._speed.resolution_m_s)
-        return max(-slope_m_s2 - error_m_s2, 0.0)
+        step_m_s = self._speed.resolution_m_s
+        at_least_m_s2 = -slope_m_s2 - self._trend.largest_error_m_s2(step_m_s)
+        return max(min(at_least_m_s2, -self._trend.least_m_s2(step_m_s)), 0.0)
 
 
 def _jumps(last: Speed, new: Speed) -> bool:

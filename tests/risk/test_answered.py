@@ -12,10 +12,13 @@ from hypothesis import strategies as st
 from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Level
-from onboard.risk.fcw import FCW
+from onboard.risk.fcw import FCW, fcw_level
 from onboard.risk.lead_motion import LEAD_WINDOW_S
 from onboard.risk.monitor import RiskMonitor
-from onboard.risk.required_deceleration import required_deceleration_m_s2
+from onboard.risk.required_deceleration import (
+    required_deceleration_m_s2,
+    time_to_collision_s,
+)
 from onboard.risk.settings import RiskSettings
 
 Braking = Callable[[float], float]
@@ -95,10 +98,13 @@ def constant(braking_m_s2: float) -> Braking:
     share=st.floats(0.0, 1.0),
     lead_braking=st.sampled_from([0.0, 2.0, 4.0, 6.0, 8.0]),
 )
-def test_held_braking_that_ends_in_contact_is_warned_of_no_less_and_no_later(
+def test_held_braking_that_ends_in_contact_is_warned_of_as_soon_as_no_time_to_react_is_left(
     gap_m: float, speed: float, slower: float, share: float, lead_braking: float
 ) -> None:
-    """The same alarms as with a released pedal, which never counts as braking."""
+    """By exact data, or then when a released pedal, which never counts as braking, leads to it.
+
+    The braking of the lead is known after `LEAD_KNOWN_S`.
+    """
     lead_speed = max(speed - slower, 0.0)
     braking = share * required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
     assume(braking < 9.0)
@@ -106,8 +112,37 @@ def test_held_braking_that_ends_in_contact_is_warned_of_no_less_and_no_later(
     touch = moments[-1]
     assume(touch.gap_m <= 0.0)
     assume(touch.speed_m_s - touch.lead_m_s > 0.5)
+    due = [moment.at_s for moment in moments if is_due(moment, braking, lead_braking)]
+    assume(due != [])
+    without = warned_at_s(alarms(moments, pedal=False))
+    assume(without != [])
+    latest_s = max(due[0], LEAD_KNOWN_S, without[0]) + TWO_FRAMES_S
+    assume(latest_s < touch.at_s)
 
-    assert alarms(moments) == alarms(moments, pedal=False)
+    assert min(warned_at_s(alarms(moments))) <= latest_s
+
+
+LEAD_KNOWN_S = 0.35
+TWO_FRAMES_S = 2 * FRAME_S + 1e-9
+FCW_SETTINGS = RiskSettings().fcw
+
+
+def is_due(moment: Moment, braking: float, lead_braking: float) -> bool:
+    """Whether FCW warns with braking neither known nor held in the reaction."""
+    closing_m_s = moment.speed_m_s - moment.lead_m_s
+    lead_braking = lead_braking if moment.lead_m_s > 0.0 else 0.0
+    level, _ = fcw_level(
+        moment.gap_m, moment.speed_m_s, closing_m_s, lead_braking, None, settings=FCW_SETTINGS
+    )
+    needed = required_deceleration_m_s2(
+        moment.gap_m, moment.speed_m_s, moment.lead_m_s, lead_braking, 1.0, braking_m_s2=braking
+    )
+    ttc_s = time_to_collision_s(moment.gap_m, closing_m_s, braking)
+    return (
+        moment.speed_m_s >= RiskSettings().least_speed_m_s
+        and level is Level.WARNING
+        and (needed >= FCW_SETTINGS.warning_m_s2 or ttc_s <= FCW_SETTINGS.warning_ttc_s)
+    )
 
 
 @pytest.mark.parametrize("enough", [1.0, 1.3])
@@ -149,7 +184,10 @@ def test_who_brakes_gently_for_something_else_is_warned_when_the_lead_brakes_har
     warned, warned_without = (warned_at_s(alarms(moments, pedal=pedal)) for pedal in (None, False))
 
     after_onset = min(at_s for at_s in warned_without if at_s > 1.0 - 1e-9)
-    assert min(warned) <= after_onset + LATER_S
+    if moments[-1].gap_m <= 0.0:
+        assert min(warned) <= after_onset + LATER_S
+    else:
+        assert (own_braking, lead_braking) == (3.0, 4.0)  # enough after all
 
 
 def test_a_driver_who_releases_the_brake_too_early_is_warned_again() -> None:

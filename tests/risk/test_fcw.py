@@ -62,6 +62,55 @@ def test_the_braking_asked_for_just_avoids_the_lead(
     assert least_gap_m(gap_m, braking(speed, needed * 0.95, 1.0), lead, standing_s) <= 0.02
 
 
+@pytest.mark.long
+@given(
+    gap_m=st.floats(1.0, 150.0),
+    speed=st.floats(0.0, 40.0),
+    lead_speed=st.floats(0.0, 40.0),
+    lead_braking=st.sampled_from([0.0, 1.0, 3.0, 6.0, 9.0]),
+    held=st.floats(0.1, 9.0),
+)
+def test_the_braking_asked_for_after_braking_through_the_reaction_just_avoids_the_lead(
+    gap_m: float, speed: float, lead_speed: float, lead_braking: float, held: float
+) -> None:
+    needed = required_deceleration_m_s2(
+        gap_m, speed, lead_speed, lead_braking, 1.0, braking_m_s2=held
+    )
+    assume(0.05 < needed < 100.0)
+    lead, until_reaction = braking(lead_speed, lead_braking), braking(speed, held)
+    then_m, then_m_s = until_reaction(1.0)
+
+    def least_with(after_m_s2: float) -> float:
+        after = braking(then_m_s, after_m_s2)
+        standing_s = 1.0 + then_m_s / (0.95 * needed)
+
+        def own(time_s: float) -> tuple[float, float]:
+            if time_s <= 1.0:
+                return until_reaction(time_s)
+            driven_m, speed_m_s = after(time_s - 1.0)
+            return then_m + driven_m, speed_m_s
+
+        return least_gap_m(gap_m, own, lead, standing_s)
+
+    assert least_with(needed * 1.01) >= 0.0
+    assert least_with(needed * 0.95) <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "speed", "lead", "held", "expected"),
+    [
+        (5.0, 3.0, (0.0, 0.0), 4.0, 0.0),
+        (1.6, 20.0, (15.5, 4.0), 10.0, math.inf),
+        (1.7, 20.0, (15.5, 4.0), 10.0, 0.0),
+    ],
+    ids=["stands sooner", "touches before it is slower", "is slower before it touches"],
+)
+def test_who_is_slower_than_the_lead_after_the_reaction_needs_nothing_unless_he_touches_before(
+    gap_m: float, speed: float, lead: tuple[float, float], held: float, expected: float
+) -> None:
+    assert required_deceleration_m_s2(gap_m, speed, *lead, 1.0, braking_m_s2=held) == expected
+
+
 STEP_S = 2e-3
 
 
@@ -125,6 +174,43 @@ def test_a_driver_who_brakes_enough_gets_a_caution_at_most(
     assert needed == required_deceleration_m_s2(gap_m, 10.0, 0.0, 0.0, 1.0)
 
 
+SLOWING_FOR_A_CORNER = {
+    "10 m/s": (19.0, 9.7, 2.0, 3.5, 1.6),
+    "13 m/s": (32.0, 12.9, 0.5, 0.0, 2.1),
+    "11 m/s": (16.0, 10.8, 6.6, 3.5, 1.7),
+}
+"""Of drivers of the city who brake behind one that slows down, and stop in time: gap, both speeds,
+braking of the lead, and one's own."""
+
+
+@pytest.mark.parametrize("place", SLOWING_FOR_A_CORNER)
+def test_braking_that_leaves_time_to_react_is_cautioned_and_no_braking_is_warned(
+    place: str,
+) -> None:
+    """The driver has to brake harder yet, but 1 s later will do, and is slower by then."""
+    gap_m, speed, lead_speed, lead_braking, own = SLOWING_FOR_A_CORNER[place]
+
+    def level(braking_m_s2: float | None) -> Level:
+        return fcw_level(
+            gap_m, speed, speed - lead_speed, lead_braking, braking_m_s2, settings=FcwSettings()
+        )[0]
+
+    assert not brakes_enough(gap_m, speed, lead_speed, lead_braking, own)
+    assert level(own) is Level.CAUTION
+    assert level(0.0) is level(None) is level(math.nan) is Level.WARNING
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "held"),
+    [(16.0, 2.5), (24.0, 0.9), (17.0, 1.0)],
+    ids=["which has to be hard", "of an engine", "that leaves no time"],
+)
+def test_who_brakes_otherwise_is_warned(gap_m: float, held: float) -> None:
+    seen, _ = fcw_level(gap_m, 10.0, 10.0, 0.0, held, settings=FcwSettings())
+
+    assert seen is Level.WARNING
+
+
 def test_no_braking_is_asked_for_behind_a_faster_car_and_none_helps_too_late() -> None:
     assert required_deceleration_m_s2(10.0, 20.0, 25.0, 0.0, 1.0) == 0.0
     assert required_deceleration_m_s2(10.0, 20.0, 0.0, 0.0, 1.0) == math.inf
@@ -133,6 +219,11 @@ def test_no_braking_is_asked_for_behind_a_faster_car_and_none_helps_too_late() -
 def test_time_to_collision() -> None:
     assert time_to_collision_s(20.0, 10.0) == 2.0
     assert time_to_collision_s(20.0, 0.0) == math.inf
+
+
+@pytest.mark.parametrize(("held", "expected_s"), [(0.0, 2.0), (2.5, 4.0), (2.6, math.inf)])
+def test_time_to_collision_while_the_braking_is_held(held: float, expected_s: float) -> None:
+    assert time_to_collision_s(20.0, 10.0, held) == expected_s
     assert time_to_collision_s(20.0, -3.0) == math.inf
 
 

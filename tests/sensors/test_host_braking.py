@@ -105,6 +105,22 @@ def test_who_gains_speed_does_not_brake() -> None:
     assert own.at_least_m_s2(0.95) == 0.0
 
 
+@pytest.mark.parametrize("step_m_s", [KM_H, 0.01])
+def test_who_ceases_to_brake_is_known_to_brake_by_less_than_the_step_in_the_time_since(
+    step_m_s: float,
+) -> None:
+    """The slope over the whole window would show 2 m/s^2 yet."""
+    own = braking_until(1.0, step_m_s=step_m_s)
+    ceased_m_s = math.floor((25.0 - BRAKING_M_S2) / step_m_s + 1e-9) * step_m_s
+    for k in range(21, 27):
+        own.receive_speed(speed(k / 20, ceased_m_s, step_m_s=step_m_s))
+
+    estimate = own.at_least_m_s2(1.3)
+
+    assert estimate is not None
+    assert estimate <= step_m_s / 0.3 + 1e-9
+
+
 @given(
     braking=st.floats(0.0, 9.0),
     begin_m_s=st.floats(12.0, 40.0),
