@@ -39,4 +39,7 @@ class InterfaceSettings(Settings):
                 raise ValueError(f"psid 0x{each.psid:X} stands twice")
             if each.psid in psid.OWN:
                 raise ValueError(f"psid 0x{each.psid:X} is of the vehicle's own messages")
+        ports = [each.btp_port for each in sends if each.btp_port is not None]
+        if twice := {port for port in ports if ports.count(port) > 1}:
+            raise ValueError(f"btp_port {min(twice)} stands twice")
         return sends

@@ -200,19 +200,21 @@ def _cam_lights(lights: ExteriorLights) -> CamLights:
     return found
 
 
-def path_of(bsm: BasicSafetyMessage, start: tuple[float, float]) -> Iterator[PathPoint]:
+def path_of(
+    bsm: BasicSafetyMessage, start: tuple[float, float] | None = None
+) -> Iterator[PathPoint]:
     """Yield the points of a path history, each from the one before it, the first from `start`.
 
     The path ends where two are too far apart for the fields.
 
     Args:
         bsm: of the host vehicle.
-        start: latitude and longitude.
+        start: latitude and longitude; by default the vehicle's.
     """
     core, history = bsm.core, bsm.safety.path_history if bsm.safety is not None else None
     if history is None or core.latitude_deg is None or core.longitude_deg is None:
         return
-    before, age_s = start, 0.0
+    before, age_s = start or (core.latitude_deg, core.longitude_deg), 0.0
     for point in history.crumb_data:
         if point.latitude_offset_deg is None or point.longitude_offset_deg is None:
             return

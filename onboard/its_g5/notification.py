@@ -147,6 +147,7 @@ class ReceivedEvents:
     """
 
     def __init__(self) -> None:
+        """Start with no report."""
         self._reports: OrderedDict[tuple[ActionId, bytes | None], tuple[float, bool]] = (
             OrderedDict()
         )
@@ -236,11 +237,10 @@ def _denm(
     )
     if termination is not None:
         return Denm(action.station_id, Notification(management))
-    start = core.latitude_deg or 0.0, core.longitude_deg or 0.0
     location = EventLocation(
         ReportedSpeed(core.speed_m_s),
         ReportedHeading(core.heading_rad),
-        (tuple(path_of(bsm, start)),),
+        (tuple(path_of(bsm)),),
     )
     situation = ReportedEvent(_PROBABLE, kind.cause)
     return Denm(action.station_id, Notification(management, situation, location))

@@ -22,6 +22,7 @@ class Stations:
     """The last low frequency container of each station, as the BSM that it gave."""
 
     def __init__(self) -> None:
+        """Start with no station."""
         self._last: OrderedDict[tuple[bytes, bytes | None], tuple[float, BasicSafetyMessage]] = (
             OrderedDict()
         )

@@ -45,6 +45,7 @@ class ItsMessages(MessageSet):
     }
 
     def __init__(self) -> None:
+        """Start with nothing sent and nothing received."""
         self._low_frequency_at = self._cam_at = float("-inf")
         self._reports = EventReports()
         self._events = ReceivedEvents()

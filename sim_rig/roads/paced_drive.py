@@ -17,6 +17,7 @@ class PacedDrive:
     """A car, and where it is in its recording."""
 
     def __init__(self, drive: Trajectory) -> None:
+        """Start off the road, at the first step of `drive`."""
         self.drive = drive
         self.path = DrivePath(drive)
         self.middle_m, self.heading_rad = self.path.places(
@@ -30,9 +31,8 @@ class PacedDrive:
         self._entered = drive.first
         self._at = 0.0
         """The step of its recording, counted from the first one."""
-        moved_m = np.hypot(*np.diff(drive.middle_m, axis=0).T)
-        self._ways_m = np.concatenate([[0.0], np.cumsum(np.maximum(moved_m, 1e-9))])
-        goes = np.flatnonzero(moved_m > _STANDS_M)
+        self._ways_m = drive.ways_m()
+        goes = np.flatnonzero(np.diff(self._ways_m) > _STANDS_M)
         after = np.searchsorted(goes, np.arange(len(drive)))
         self._goes_at = np.concatenate([goes, [len(drive) - 1]])[after]
         """The step from which on it moves next, for each step."""

@@ -28,9 +28,7 @@ class DrivePath:
     def __init__(self, drive: Trajectory) -> None:
         """Follow the path of `drive`, and straight on beyond its end."""
         self.drive = drive
-        moved = np.hypot(*np.diff(drive.middle_m, axis=0).T)
-        # Standing samples advance slightly, so that every position has one time.
-        self._ways = np.concatenate([[0.0], np.cumsum(np.maximum(moved, 1e-9))])
+        self._ways = drive.ways_m()
         self._steps = np.arange(len(drive), dtype=np.float64)
         self.length_m = float(self._ways[-1])
         stands = np.concatenate([[False], drive.speed_m_s < _STANDS_M_S, [False]])

@@ -14,6 +14,7 @@ from sim_rig.roads.cars import Array, Cars, Traffic
 
 STEP_S = 0.1
 """Sampling interval."""
+_LEAST_STEP_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,14 @@ class Trajectory:
     def last(self) -> int:
         """Number of the step of the last sample."""
         return self.first + len(self) - 1
+
+    def ways_m(self) -> Array:
+        """Return the way from the first sample to each, (K,): it grows a little while it stands.
+
+        So each place on the way has one time.
+        """
+        moved_m = np.hypot(*np.diff(self.middle_m, axis=0).T)
+        return np.concatenate([[0.0], np.cumsum(np.maximum(moved_m, _LEAST_STEP_M))])
 
 
 class RecordedTraffic(Traffic):

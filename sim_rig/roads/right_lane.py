@@ -34,8 +34,7 @@ def _kept_right(drive: Trajectory, by_m: float) -> Trajectory:
 
 
 def _in_right_lane(drive: Trajectory, by_m: float) -> Trajectory:
-    moved_m = np.hypot(*np.diff(drive.middle_m, axis=0).T)
-    at_m = np.concatenate([[0.0], np.cumsum(np.maximum(moved_m, 1e-9))])
+    at_m = drive.ways_m()
     ways_m = np.arange(0.0, at_m[-1] + _EVERY_M, _EVERY_M)
     path_m = np.stack([np.interp(ways_m, at_m, line) for line in drive.middle_m.T], axis=1)
     path_rad = np.interp(ways_m, at_m, drive.heading_rad)

@@ -42,6 +42,7 @@ class Lateness:
     """Collects the lateness of the rig's outputs."""
 
     def __init__(self) -> None:
+        """Start with no output."""
         self._late_s: dict[str, list[float]] = {what: [] for what in LIMITS_S}
 
     def note(self, what: str, late_s: float) -> None:

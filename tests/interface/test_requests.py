@@ -137,3 +137,10 @@ def test_a_service_of_programs_that_stands_twice_is_refused() -> None:
     twice = {"psid": 0x8B, "btp_port": 2006}, {"psid": 0x8B, "btp_port": 2010}
     with pytest.raises(SettingsError, match="0x8B stands twice"):
         config_of("its-g5", *twice)
+
+
+def test_two_services_of_one_port_are_refused() -> None:
+    """Else receivers cannot tell whose message it is."""
+    both = {"psid": 0x8B, "btp_port": 2006}, {"psid": 0x8C, "btp_port": 2006}
+    with pytest.raises(SettingsError, match="btp_port 2006 stands twice"):
+        config_of("its-g5", *both)
