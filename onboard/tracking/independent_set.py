@@ -29,14 +29,16 @@ from onboard.tracking.evidence import Provenance, stamp_ms_of
 _MAX_STATES = 1000
 
 
-class _HasProvenance(Protocol):
+class HasProvenance(Protocol):
     """Evidence, stored or not; it has a `stamp_ms` as well."""
 
     @property
-    def provenance(self) -> Provenance: ...
+    def provenance(self) -> Provenance:
+        """The measurements in it."""
+        ...
 
 
-PieceT = TypeVar("PieceT", bound=_HasProvenance)
+PieceT = TypeVar("PieceT", bound=HasProvenance)
 
 
 class Bits(dict[Hashable, int]):

@@ -18,8 +18,8 @@ from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.mvs.received_footers import SharedEntries, evidence_in
 from onboard.mvs.settings import MvsSettings, Selection, SensingSettings
 from onboard.settings import Settings
-from onboard.tracking.evidence import Evidence, Measurement, Provenance
-from onboard.tracking.independent_set import independent
+from onboard.tracking.evidence import Measurement, Provenance
+from onboard.tracking.independent_set import HasProvenance, PieceT, independent
 from sim_rig.roads.cars import Cars
 from sim_rig.scenario.setting_types import NotNegative, Several, Share, Span
 from sim_rig.studies.campaigns.study import Axes, Case
@@ -177,9 +177,9 @@ class _Counts:
         for core in cores:
             core.update(now)
             for track in core.reported_tracks():
-                self.reused_in_states += _reused(track.used)
+                self.reused_in_states += _reused(track.chosen)
                 window = [
-                    stored.piece
+                    stored
                     for stored in track.evidence.values()
                     if stored.received_ms >= now_ms - _WINDOW_MS
                 ]
@@ -192,7 +192,7 @@ class _Counts:
                         self.reused[method].append(_reused(chosen))
 
 
-def random_until_all(pieces: Sequence[Evidence], rng: np.random.Generator) -> list[Evidence]:
+def random_until_all(pieces: Sequence[PieceT], rng: np.random.Generator) -> list[PieceT]:
     """The paper's RS: select at random until every measurement has been used."""
     missing = set().union(*(piece.provenance for piece in pieces))
     chosen = []
@@ -204,7 +204,7 @@ def random_until_all(pieces: Sequence[Evidence], rng: np.random.Generator) -> li
     return chosen
 
 
-def _reused(pieces: Iterable[Evidence]) -> int:
+def _reused(pieces: Iterable[HasProvenance]) -> int:
     """Repetitions of measurements in the provenance of all pieces together."""
     all_of_them = [identity for piece in pieces for identity in piece.provenance]
     return len(all_of_them) - len(set(all_of_them))

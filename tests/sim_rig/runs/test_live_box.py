@@ -251,6 +251,12 @@ def test_the_doctor_finds_a_box_at_work(
     ]
 
 
+def in_a_second(scenario: Scenario) -> Scenario:
+    """One second of a scenario, with its first expectation."""
+    soon = scenario.expect[0].model_copy(update={"by_s": 0.5})
+    return scenario.model_copy(update={"duration_s": 1.0, "expect": (soon,)})
+
+
 def test_the_recording_of_another_drive_is_not_judged(
     box: BoxSettings, scenario: Scenario, tmp_path: Path
 ) -> None:
@@ -258,7 +264,7 @@ def test_the_recording_of_another_drive_is_not_judged(
     drive = Path(__file__).parents[2] / "drives" / "live.mcap"
     shutil.copy(drive, tmp_path / "other" / "20260101T000000.000Z-0000.mcap")
     other = box.model_copy(update={"recording": tmp_path / "other", "fetch": ("true",)})
-    brief = scenario.model_copy(update={"duration_s": 1.0, "expect": scenario.expect[:1]})
+    brief = in_a_second(scenario)
     log = run_with(other, brief, tmp_path)
     assert "frames of the box are not in its recording" in log.unjudged["red"]
     found = verdict(brief, log)
@@ -269,7 +275,7 @@ def test_a_box_whose_recording_cannot_be_fetched_is_not_judged(
     box: BoxSettings, scenario: Scenario, tmp_path: Path
 ) -> None:
     off = box.model_copy(update={"fetch": ("false",)})
-    brief = scenario.model_copy(update={"duration_s": 1.0, "expect": scenario.expect[:1]})
+    brief = in_a_second(scenario)
     log = run_with(off, brief, tmp_path)
     assert log.unjudged == {"red": "fetch: false: exit code 1"}
     assert verdict(brief, log).outcome is Outcome.INVALID
