@@ -47,7 +47,7 @@ class BackgroundTraffic:
             air: the channel between the equipped cars.
             scenario: the scenario of the run.
             cars_at: states of the scenario's cars, by time since its start, s.
-            at_s: that time at a `now`; 0 before the start.
+            at_s: that time at a `now`; 0 or less before the start.
             rng: source of the random numbers of a source of traffic.
             now: monotonic time, s.
             utc_s: UTC at `now`, s.

@@ -2,8 +2,8 @@
 
 Runs as a process of its own, so that rendering does not delay the radio. It prints its port, and
 then for each image `CAR LATE_S`: how late it left, in s. It reads lines of JSON from standard
-input: the start time of the scenario, before which images show 0 s, and how cars brake that obey
-requests (the arguments of `BreakpointRoad.brake`). For boxes it listens at further addresses.
+input: the start time of the scenario (`scenario_clock.py`), and how cars brake that obey requests
+(the arguments of `BreakpointRoad.brake`). For boxes it listens at further addresses.
 
     python -m sim_rig.cars.camera_server SCENARIO SEED [HOST:PORT...]
 """
@@ -24,6 +24,7 @@ from sim_rig.cars.camera_view import CameraView, calibration
 from sim_rig.cars.mjpeg_server import MjpegServer
 from sim_rig.rendering.scene import CameraRenderer
 from sim_rig.roads.breakpoints import BreakpointRoad
+from sim_rig.scenario.scenario_clock import ScenarioClock
 from sim_rig.scenario.schema import Scenario, load_scenario
 
 _JPEG_QUALITY = 90
@@ -77,7 +78,7 @@ class CameraServer:
             on_sent: called after each image with its car and its lateness, s.
         """
         self.road = BreakpointRoad(scenario)
-        self.start_s: float | None = None
+        self.clock = ScenarioClock(scenario.run_up_s)
         seeds = np.random.SeedSequence(seed).spawn(len(scenario.equipped))
         cameras = {
             car: partial(self._jpeg, Camera(scenario, self.road, car, seed))
@@ -96,14 +97,14 @@ class CameraServer:
             case [car, begin_s, until_s, deceleration_m_s2]:
                 self.road.brake(car, begin_s, until_s, deceleration_m_s2)
             case start_s:
-                self.start_s = float(start_s)
+                self.clock.start_s = float(start_s)
 
     async def close(self) -> None:
         """End all streams."""
         await self._server.close()
 
     def _jpeg(self, camera: Camera, now: float) -> bytes:
-        return camera.jpeg(0.0 if self.start_s is None else max(0.0, now - self.start_s))
+        return camera.jpeg(self.clock.at_s(now))
 
 
 def as_jpeg(image: npt.NDArray[np.uint8]) -> bytes:

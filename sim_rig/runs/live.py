@@ -8,6 +8,7 @@ rig opens the same ends at the addresses of its file, and starts no daemon.
 
 import asyncio
 import json
+import math
 import shutil
 import time
 from collections.abc import Collection, Mapping, Sequence
@@ -46,6 +47,7 @@ from sim_rig.runs.power_cuts import PowerSwitch, cut_power, with_power_cuts
 from sim_rig.runs.rig_ends import RigEnds
 from sim_rig.runs.virtual_others import VirtualOthers
 from sim_rig.scenario.car_config import names_by_id
+from sim_rig.scenario.scenario_clock import ScenarioClock
 from sim_rig.scenario.schema import Scenario
 
 _READY_WITHIN_S = 120.0
@@ -87,7 +89,7 @@ class LiveTestbench:
         (folder / START_FILE).unlink(missing_ok=True)
         self.recorder = RigRecorder(boxes)
         self.processes = Processes(folder)
-        self.start_s = float("inf")
+        self._clock = ScenarioClock(scenario.run_up_s)
         self.pages: dict[str, str] = {}
         """Address of each daemon's page by its car, and of the engineer's page."""
         self.start_utc_s = time.time()
@@ -119,6 +121,11 @@ class LiveTestbench:
     async def __aexit__(self, *_: object) -> None:
         await self._open.aclose()
 
+    @property
+    def start_s(self) -> float:
+        """Start of the scenario; infinite until all is ready for it."""
+        return math.inf if self._clock.start_s is None else self._clock.start_s
+
     async def run(self) -> None:
         """Start the scenario when all daemons are ready, and return at its end.
 
@@ -129,7 +136,8 @@ class LiveTestbench:
         """
         await self._until_ready()
         self._lateness.clear()
-        self.start_s = time.monotonic() + (_BEGUN_WITHIN_S if self._virtual else 0.0)
+        begun_within_s = _BEGUN_WITHIN_S if self._virtual else 0.0
+        self._clock.start_s = time.monotonic() + max(begun_within_s, self._clock.run_up_s)
         self._others.begin(
             self.start_s,
             self.start_s + time.time() - time.monotonic(),
@@ -250,7 +258,7 @@ class LiveTestbench:
         ends = RigEnds(
             self._scenario,
             self._road,
-            self._at_s,
+            self._clock.at_s,
             seed=self._seed,
             recorder=self.recorder,
             lateness=self._lateness,
@@ -317,24 +325,24 @@ class LiveTestbench:
         self._cameras.stdin.write(f"{json.dumps(braking)}\n".encode())
 
     def _has_mute_radio(self, car: str, now: float) -> bool:
-        return self._scenario.has_fault("radio_mute", car, self._at_s(now))
+        return self._scenario.has_fault("radio_mute", car, self._clock.at_s(now))
 
     def _air(self) -> Air:
         utc_offset_s = time.time() - time.monotonic()
         air = open_channel(
             self._scenario,
-            lambda now: self._road.cars_at(self._at_s(now)),
-            self._at_s,
+            lambda now: self._road.cars_at(self._clock.at_s(now)),
+            self._clock.at_s,
             np.random.default_rng(self._seed),
             now=time.monotonic(),
             utc_s=time.time(),
             credentials=self._trial,
         )
         background = BackgroundTraffic(
-            FaultyAir(air, self._scenario, self._at_s, utc_offset_s, self._trial),
+            FaultyAir(air, self._scenario, self._clock.at_s, utc_offset_s, self._trial),
             self._scenario,
             self._road.cars_at,
-            self._at_s,
+            self._clock.at_s,
             np.random.default_rng(self._seed),
             now=time.monotonic(),
             utc_s=time.time(),
@@ -372,7 +380,3 @@ class LiveTestbench:
             contact.receive_wsm(wsm)
         contact.answers = self.recorder.answers[car]
         return contact
-
-    def _at_s(self, now: float) -> float:
-        """Time since the start of the scenario, s; 0 before it."""
-        return max(0.0, now - self.start_s)

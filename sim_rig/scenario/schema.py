@@ -33,6 +33,7 @@ from sim_rig.scenario.expectations import Expectation
 from sim_rig.scenario.faults import Attack, Fault, PlateMisread, PowerCut, SlowCpu
 from sim_rig.scenario.field_types import CarName, PlateText, RoadName, Seconds
 from sim_rig.scenario.radio_settings import AirSettings, ReachSettings
+from sim_rig.scenario.scenario_clock import RUN_UP_S
 from sim_rig.scenario.sensor_settings import (
     DetectorProfile,
     EcuSettings,
@@ -256,6 +257,14 @@ class Scenario(Settings):
         return [name for name, car in self.cars.items() if car.equipped]
 
     @property
+    def run_up_s(self) -> float:
+        """Time before the start of a live run in which the cars drive, where places are measured.
+
+        Else a car that waits for its start, and tells its speed, would near all that it perceives.
+        """
+        return 0.0 if self.gnss is None else RUN_UP_S
+
+    @property
     def psids(self) -> frozenset[int]:
         """Services in which its vehicles send."""
         is_its = self.profile is RadioProfile.ITS_G5
@@ -273,14 +282,14 @@ class Scenario(Settings):
         return frozenset({psid.VAM if self.profile is RadioProfile.ITS_G5 else psid.PSM})
 
     def has_fault(self, what: str, car: str, at_s: float) -> bool:
-        """Whether a fault is active.
+        """Whether a fault is active; one that begins with the scenario is so before it, too.
 
         Args:
             what: kind of the fault.
             car: name of the car.
             at_s: time since the start of the scenario, s.
         """
-        return any(fault.what == what and fault.holds(car, at_s) for fault in self.faults)
+        return any(fault.what == what and fault.holds(car, max(0.0, at_s)) for fault in self.faults)
 
     def slowed_cars(self) -> frozenset[str]:
         """Return the cars whose daemon is late by a fault, which excuses nothing."""

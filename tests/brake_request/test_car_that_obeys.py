@@ -90,7 +90,7 @@ def test_the_cameras_show_the_braking() -> None:
     server.receive_line("12.5\n")
     server.receive_line(json.dumps(["ann", 2.0, 3.0, 6.0]))
 
-    assert server.start_s == 12.5
+    assert server.clock.start_s == 12.5
     assert server.road.car_at("ann", 3.0).speed_m_s == pytest.approx(10.0)
 
 
