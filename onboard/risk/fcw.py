@@ -10,7 +10,6 @@ from onboard.risk.alarm import AlarmReason, Assessment, Cause, Level
 from onboard.risk.application import Application, Assessed
 from onboard.risk.confirmation import Confirmation
 from onboard.risk.driver_reaction import for_driver
-from onboard.risk.mean_collision_probability import BRAKING_M_S2
 from onboard.risk.required_deceleration import (
     brakes_enough,
     required_deceleration_m_s2,
@@ -33,6 +32,8 @@ raises no alarm."""
 JAM_M_S, ROUTINE_M_S2 = 8.0, 2.5
 """In a jam, slower than this, drivers brake so hard time and again: a time to collision that asks
 for less is no danger."""
+PEDAL_M_S2 = 1.25
+"""Deceleration of a driver who brakes: a car in gear slows down by itself with 1 m/s^2 at most."""
 YELLOW_LIGHT_M_S2 = 3.0
 """With which drivers stop for a yellow light, rounded down (ITE's yellow change interval assumes
 10 ft/s^2). Who brakes already is expected to brake so hard without a warning."""
@@ -183,7 +184,7 @@ def _leaves_time(
 
     `lead` is its speed in m/s, and its deceleration in m/s^2.
     """
-    if braking_m_s2 is None or not braking_m_s2 >= BRAKING_M_S2:  # NaN is unknown
+    if braking_m_s2 is None or not braking_m_s2 >= PEDAL_M_S2:  # NaN is unknown
         return False
     if required_deceleration_m_s2(gap_m, speed_m_s, *lead, 0.0) > YELLOW_LIGHT_M_S2:
         return False

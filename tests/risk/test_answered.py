@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from onboard.kinematics.units import KM_H
 from onboard.observations import BrakePedal, Lead, LeadIdentity, Speed
 from onboard.risk.alarm import Alarm, Level
-from onboard.risk.fcw import FCW, fcw_level
+from onboard.risk.fcw import FCW, PEDAL_M_S2, fcw_level
 from onboard.risk.lead_motion import LEAD_WINDOW_S
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.required_deceleration import (
@@ -88,6 +88,29 @@ def warned_at_s(seen: list[Alarm]) -> list[float]:
 
 def constant(braking_m_s2: float) -> Braking:
     return lambda _: braking_m_s2
+
+
+@pytest.mark.long
+@given(
+    gap_m=st.floats(5.0, 80.0),
+    speed=st.floats(8.0, 35.0),
+    slower=st.floats(0.0, 15.0),
+    share=st.floats(0.0, 1.0),
+    lead_braking=st.sampled_from([0.0, 2.0, 4.0, 6.0, 8.0]),
+)
+def test_slowing_down_that_ends_in_contact_is_warned_of_no_less_and_no_later(
+    gap_m: float, speed: float, slower: float, share: float, lead_braking: float
+) -> None:
+    """The same alarms as with a released pedal, which never counts as braking."""
+    lead_speed = max(speed - slower, 0.0)
+    needed = required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
+    slowing = share * min(needed, PEDAL_M_S2)
+    moments = list(drive(gap_m, speed, lead_speed, constant(slowing), constant(lead_braking)))
+    touch = moments[-1]
+    assume(touch.gap_m <= 0.0)
+    assume(touch.speed_m_s - touch.lead_m_s > 0.5)
+
+    assert alarms(moments) == alarms(moments, pedal=False)
 
 
 @pytest.mark.long

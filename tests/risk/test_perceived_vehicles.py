@@ -233,4 +233,4 @@ def test_who_brakes_enough_within_the_error_of_the_gap_is_not_warned(source: Obj
         return any(alarm.level is Level.WARNING for alarm in fcw_alarms(monitor))
 
     assert not warned(1.8)
-    assert warned(0.9)
+    assert warned(1.2)
