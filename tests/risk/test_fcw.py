@@ -219,12 +219,12 @@ def test_no_braking_is_asked_for_behind_a_faster_car_and_none_helps_too_late() -
 def test_time_to_collision() -> None:
     assert time_to_collision_s(20.0, 10.0) == 2.0
     assert time_to_collision_s(20.0, 0.0) == math.inf
+    assert time_to_collision_s(20.0, -3.0) == math.inf
 
 
 @pytest.mark.parametrize(("held", "expected_s"), [(0.0, 2.0), (2.5, 4.0), (2.6, math.inf)])
 def test_time_to_collision_while_the_braking_is_held(held: float, expected_s: float) -> None:
     assert time_to_collision_s(20.0, 10.0, held) == expected_s
-    assert time_to_collision_s(20.0, -3.0) == math.inf
 
 
 def test_the_lead_cars_braking_is_the_slope_of_its_speed_and_a_cut_in_starts_anew() -> None:
