@@ -33,13 +33,12 @@ class InterfaceSettings(Settings):
     @field_validator("sends")
     @classmethod
     def _are_of_nobody_here(cls, sends: tuple[SentService, ...]) -> tuple[SentService, ...]:
-        psids = [each.psid for each in sends]
+        psids, ports = [each.psid for each in sends], [each.btp_port for each in sends]
         for each in sends:
             if psids.count(each.psid) > 1:
                 raise ValueError(f"psid 0x{each.psid:X} stands twice")
+            if each.btp_port is not None and ports.count(each.btp_port) > 1:
+                raise ValueError(f"btp_port {each.btp_port} stands twice")
             if each.psid in psid.OWN:
                 raise ValueError(f"psid 0x{each.psid:X} is of the vehicle's own messages")
-        ports = [each.btp_port for each in sends if each.btp_port is not None]
-        if twice := {port for port in ports if ports.count(port) > 1}:
-            raise ValueError(f"btp_port {min(twice)} stands twice")
         return sends

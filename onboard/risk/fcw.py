@@ -160,7 +160,7 @@ def fcw_level(
     is_routine = speed_m_s < JAM_M_S and needed_m_s2 < ROUTINE_M_S2
     ttc_s = math.inf if is_routine else time_to_collision_s(gap_m, closing_speed_m_s)
     level = Level.NONE
-    if needed_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s:
+    if _are_urgent(needed_m_s2, ttc_s, settings):
         level = Level.WARNING
     elif needed_m_s2 >= settings.caution_m_s2 or ttc_s <= settings.caution_ttc_s:
         level = Level.CAUTION
@@ -171,6 +171,11 @@ def fcw_level(
     ):
         level = Level.CAUTION
     return level, needed_m_s2
+
+
+def _are_urgent(needed_m_s2: float, ttc_s: float, settings: FcwSettings) -> bool:
+    """Whether required deceleration or TTC asks for a warning."""
+    return needed_m_s2 >= settings.warning_m_s2 or ttc_s <= settings.warning_ttc_s
 
 
 def _leaves_time(
@@ -186,10 +191,10 @@ def _leaves_time(
     """
     if braking_m_s2 is None or not braking_m_s2 >= PEDAL_M_S2:  # NaN is unknown
         return False
-    if required_deceleration_m_s2(gap_m, speed_m_s, *lead, 0.0) > YELLOW_LIGHT_M_S2:
+    if not brakes_enough(gap_m, speed_m_s, *lead, YELLOW_LIGHT_M_S2):
         return False
     needed_m_s2 = required_deceleration_m_s2(
         gap_m, speed_m_s, *lead, settings.reaction_s, braking_m_s2=braking_m_s2
     )
     ttc_s = time_to_collision_s(gap_m, speed_m_s - lead[0], braking_m_s2)
-    return needed_m_s2 < settings.warning_m_s2 and ttc_s > settings.warning_ttc_s
+    return not _are_urgent(needed_m_s2, ttc_s, settings)

@@ -8,7 +8,6 @@ rig opens the same ends at the addresses of its file, and starts no daemon.
 
 import asyncio
 import json
-import math
 import shutil
 import time
 from collections.abc import Collection, Mapping, Sequence
@@ -124,7 +123,7 @@ class LiveTestbench:
     @property
     def start_s(self) -> float:
         """Start of the scenario; infinite until all is ready for it."""
-        return math.inf if self._clock.start_s is None else self._clock.start_s
+        return self._clock.start_s
 
     async def run(self) -> None:
         """Start the scenario when all daemons are ready, and return at its end.

@@ -1,5 +1,7 @@
 """The clock of a live scenario: cars drive up to its start, so that places and speeds agree."""
 
+import math
+
 RUN_UP_S = 3.0
 """Longer than trackers keep measurements (2.0 s): those of cars that waited are gone."""
 
@@ -14,11 +16,9 @@ class ScenarioClock:
             run_up_s: time before the start in which the cars drive.
         """
         self.run_up_s = run_up_s
-        self.start_s: float | None = None
-        """When it starts, at least `run_up_s` ahead when it is set; `None` while it waits."""
+        self.start_s = math.inf
+        """When it starts, at least `run_up_s` ahead when it is set; infinite while it waits."""
 
     def at_s(self, now: float) -> float:
         """Return the time since the start, s; negative before it."""
-        if self.start_s is None:
-            return -self.run_up_s
         return max(now - self.start_s, -self.run_up_s)

@@ -90,14 +90,22 @@ def constant(braking_m_s2: float) -> Braking:
     return lambda _: braking_m_s2
 
 
-@pytest.mark.long
-@given(
+def ends_in_contact(moments: list[Moment]) -> bool:
+    touch = moments[-1]
+    return touch.gap_m <= 0.0 and touch.speed_m_s - touch.lead_m_s > 0.5
+
+
+some_share_of_the_braking_needed = given(
     gap_m=st.floats(5.0, 80.0),
     speed=st.floats(8.0, 35.0),
     slower=st.floats(0.0, 15.0),
     share=st.floats(0.0, 1.0),
     lead_braking=st.sampled_from([0.0, 2.0, 4.0, 6.0, 8.0]),
 )
+
+
+@pytest.mark.long
+@some_share_of_the_braking_needed
 def test_slowing_down_that_ends_in_contact_is_warned_of_no_less_and_no_later(
     gap_m: float, speed: float, slower: float, share: float, lead_braking: float
 ) -> None:
@@ -106,21 +114,13 @@ def test_slowing_down_that_ends_in_contact_is_warned_of_no_less_and_no_later(
     needed = required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
     slowing = share * min(needed, PEDAL_M_S2)
     moments = list(drive(gap_m, speed, lead_speed, constant(slowing), constant(lead_braking)))
-    touch = moments[-1]
-    assume(touch.gap_m <= 0.0)
-    assume(touch.speed_m_s - touch.lead_m_s > 0.5)
+    assume(ends_in_contact(moments))
 
     assert alarms(moments) == alarms(moments, pedal=False)
 
 
 @pytest.mark.long
-@given(
-    gap_m=st.floats(5.0, 80.0),
-    speed=st.floats(8.0, 35.0),
-    slower=st.floats(0.0, 15.0),
-    share=st.floats(0.0, 1.0),
-    lead_braking=st.sampled_from([0.0, 2.0, 4.0, 6.0, 8.0]),
-)
+@some_share_of_the_braking_needed
 def test_held_braking_that_ends_in_contact_is_warned_of_as_soon_as_no_time_to_react_is_left(
     gap_m: float, speed: float, slower: float, share: float, lead_braking: float
 ) -> None:
@@ -132,15 +132,13 @@ def test_held_braking_that_ends_in_contact_is_warned_of_as_soon_as_no_time_to_re
     braking = share * required_deceleration_m_s2(gap_m, speed, lead_speed, lead_braking, 0.0)
     assume(braking < 9.0)
     moments = list(drive(gap_m, speed, lead_speed, constant(braking), constant(lead_braking)))
-    touch = moments[-1]
-    assume(touch.gap_m <= 0.0)
-    assume(touch.speed_m_s - touch.lead_m_s > 0.5)
+    assume(ends_in_contact(moments))
     due = [moment.at_s for moment in moments if is_due(moment, braking, lead_braking)]
     assume(due != [])
     without = warned_at_s(alarms(moments, pedal=False))
     assume(without != [])
     latest_s = max(due[0], LEAD_KNOWN_S, without[0]) + TWO_FRAMES_S
-    assume(latest_s < touch.at_s)
+    assume(latest_s < moments[-1].at_s)
 
     assert min(warned_at_s(alarms(moments))) <= latest_s
 

@@ -1,7 +1,7 @@
 """How hard the driver will have to brake, and NHTSA's and FMVSS 127's cases."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -43,13 +43,16 @@ def least_gap_m(gap_m: float, own: Motion, lead: Motion, until_s: float = 30.0) 
     return min(gap_m + lead(t)[0] - own(t)[0] for t in np.linspace(0.0, until_s, 1500))
 
 
+BEHIND_A_LEAD: Mapping[str, st.SearchStrategy[float]] = {
+    "gap_m": st.floats(1.0, 150.0),
+    "speed": st.floats(0.0, 40.0),
+    "lead_speed": st.floats(0.0, 40.0),
+    "lead_braking": st.sampled_from([0.0, 1.0, 3.0, 6.0, 9.0]),
+}
+
+
 @pytest.mark.long
-@given(
-    gap_m=st.floats(1.0, 150.0),
-    speed=st.floats(0.0, 40.0),
-    lead_speed=st.floats(0.0, 40.0),
-    lead_braking=st.sampled_from([0.0, 1.0, 3.0, 6.0, 9.0]),
-)
+@given(**BEHIND_A_LEAD)
 def test_the_braking_asked_for_just_avoids_the_lead(
     gap_m: float, speed: float, lead_speed: float, lead_braking: float
 ) -> None:
@@ -63,13 +66,7 @@ def test_the_braking_asked_for_just_avoids_the_lead(
 
 
 @pytest.mark.long
-@given(
-    gap_m=st.floats(1.0, 150.0),
-    speed=st.floats(0.0, 40.0),
-    lead_speed=st.floats(0.0, 40.0),
-    lead_braking=st.sampled_from([0.0, 1.0, 3.0, 6.0, 9.0]),
-    held=st.floats(0.1, 9.0),
-)
+@given(**BEHIND_A_LEAD, held=st.floats(0.1, 9.0))
 def test_the_braking_asked_for_after_braking_through_the_reaction_just_avoids_the_lead(
     gap_m: float, speed: float, lead_speed: float, lead_braking: float, held: float
 ) -> None:

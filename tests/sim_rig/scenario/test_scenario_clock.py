@@ -26,9 +26,9 @@ def test_without_receivers_nothing_runs_up() -> None:
 def test_cars_move_as_fast_as_they_say_until_the_start(name: str) -> None:
     scenario = load_scenario(name)
     road = BreakpointRoad(scenario)
-    for at_s in (-scenario.run_up_s, -scenario.run_up_s / 2):
+    for at_s in (-RUN_UP_S, -RUN_UP_S / 2):
         before, after = road.cars_at(at_s), road.cars_at(at_s + 0.01)
-        for car in scenario.cars if scenario.run_up_s else ():
+        for car in scenario.cars:
             moved_m = after[car].front_m - before[car].front_m
             assert moved_m == pytest.approx(0.01 * before[car].speed_m_s)
 
