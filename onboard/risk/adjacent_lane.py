@@ -63,7 +63,7 @@ def adjacent_vehicles(
         return
     for other in others:
         place = path.predicted_place(own, other) if other.age_s <= OLDEST_S else None
-        if place is None or bsm_data.is_on_another_level(other, abs(place.ahead_m)):
+        if place is None or bsm_data.is_on_another_deck(other, abs(place.ahead_m)):
             continue
         lengths_m = (own_length_m + bsm_data.size_m(other.name)[0]) / 2.0
         if place.ahead_m > lengths_m:

@@ -87,7 +87,7 @@ def place_odds(name: str, situation: Situation) -> float:
         return 0.0
     history_m = partial(data.path_history_m, name)
     place = situation.path.place_in_any_lane(own, other, history_m, FARTHEST_M)
-    if place is None or data.is_on_another_level(other, place.ahead_m):
+    if place is None or data.is_on_another_deck(other, place.ahead_m):
         return 0.0
     if situation.path.place(own, other, history_m) is not None:
         return 0.0  # one braking, one alarm: EEBL's

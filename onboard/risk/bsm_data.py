@@ -14,11 +14,14 @@ DEFAULT_LENGTH_M, DEFAULT_WIDTH_M = 5.0, 1.75
 """Size of a vehicle that does not report it: a large car."""
 HEADING_SIGMA_RAD = 0.1
 """Of the heading that a slow vehicle reports."""
-LEVEL_M = 3.5
-"""A vehicle whose elevation differs by more is on a bridge over the host's road, or under it:
-bridges have a clearance above 4 m, receivers a sigma of about 0.7 m."""
+BRIDGE_M = 3.5
+"""A crossing vehicle whose elevation differs by more is on a bridge over the host's road, or under
+it: bridges have a clearance above 4 m, receivers a sigma of about 0.7 m."""
+DECK_M = 6.0
+"""A vehicle that drives the host's way is on another deck if its elevation differs by more: roads
+above roads are rarer than receivers whose heights are metres apart."""
 SLOPE = 0.015
-"""Added to `LEVEL_M` for each metre that both have to go: roads slope. With 0.02, receivers whose
+"""Added to both for each metre that both have to go: roads slope. With 0.02, receivers whose
 heights err by metres took a bridge 7 m up for a crossing (scenario `bridge`)."""
 
 _TIMEOUT_S = 5.0
@@ -108,19 +111,30 @@ class BsmDataStore:
         data = self._of.get(name)
         return [] if data is None else _path_history_m(data.last)
 
-    def is_on_another_level(self, other: PerceivedObject, distance_m: float) -> bool:
-        """Whether a vehicle is on a bridge over or under the host's road; not one that is sensed.
+    def crosses_on_a_bridge(self, other: PerceivedObject, distance_m: float) -> bool:
+        """Whether a vehicle crosses over or under the host's road; not one that is sensed.
 
         Args:
             other: the vehicle.
             distance_m: what both have to go until they would meet.
         """
+        return self._apart_m(other) > BRIDGE_M + SLOPE * distance_m
+
+    def is_on_another_deck(self, other: PerceivedObject, distance_m: float) -> bool:
+        """Whether the road of a vehicle lies above the host's or below; not of one that is sensed.
+
+        Args:
+            other: the vehicle, which drives the host's way.
+            distance_m: between both.
+        """
+        return self._apart_m(other) > DECK_M + SLOPE * distance_m
+
+    def _apart_m(self, other: PerceivedObject) -> float:
+        """By how much the elevations differ; 0 if one is unknown, or the vehicle is sensed."""
         data = self._of.get(other.name)
         if data is None or data.elevation_m is None or self._own_elevation_m is None:
-            return False
-        if other.is_sensed:
-            return False
-        return abs(data.elevation_m - self._own_elevation_m) > LEVEL_M + SLOPE * distance_m
+            return 0.0
+        return 0.0 if other.is_sensed else abs(data.elevation_m - self._own_elevation_m)
 
 
 def _running_mean_m(mean_m: float | None, elevation_m: float | None) -> float | None:

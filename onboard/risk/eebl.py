@@ -60,7 +60,7 @@ def _assess(
     if flags is None or situation.now - flags.braked_hard_s > FLAG_HOLD_S:
         return None
     place = situation.path.place(own, car, partial(data.path_history_m, car.name))
-    if place is None or data.is_on_another_level(car, place.ahead_m):
+    if place is None or data.is_on_another_deck(car, place.ahead_m):
         return None
     length_m, _ = data.size_m(car.name)
     gap_m = max(place.ahead_m - (situation.own_size_m[0] + length_m) / 2.0, 0.0)

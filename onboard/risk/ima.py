@@ -230,4 +230,4 @@ def _is_soon(crossing: PathCrossing) -> bool:
 
 def _is_bridge(other: PerceivedObject, crossing: PathCrossing, data: BsmDataStore) -> bool:
     distance_m = abs(float(crossing.mean[0])) + abs(float(crossing.mean[2]))
-    return data.is_on_another_level(other, distance_m)
+    return data.crosses_on_a_bridge(other, distance_m)

@@ -154,7 +154,7 @@ class ObjectsAhead:
             place = situation.path.place(own, other, partial(data.path_history_m, other.name))
             if place is None or abs(place.left_m) > IN_THE_WAY_M:
                 continue
-            if data.is_on_another_level(other, place.ahead_m):
+            if data.is_on_another_deck(other, place.ahead_m):
                 continue
             length_m, _ = data.size_m(other.name)
             gap_m = place.ahead_m - (situation.own_size_m[0] + length_m) / 2.0

@@ -219,6 +219,19 @@ def test_a_bridge_over_the_road(height_m: float, warned: bool) -> None:
     assert (worst(seen) is Level.WARNING) == warned
 
 
+@pytest.mark.parametrize(("height_m", "warned"), [(5.0, True), (-5.0, True), (8.0, False)])
+def test_a_road_above_the_road(height_m: float, warned: bool) -> None:
+    """Two receivers' heights can be metres apart: in the own lane, that makes no other road."""
+    of = monitor()
+    of.host.receive_observation(Speed(0.0, 14.0, KM_H, "obd:7E8"))
+    of.receive_event(Position(0.0, 47.0, 8.0, 400.0, 1.0, 14.0, 1.57), 0.0)
+    of.receive_bsm(bsm(400.0 + height_m), 0.0)
+
+    seen = drive(of, east(14.0, 50.0), lambda _: (0.0, 0.0, 0.0, 0.0), 2.0)
+
+    assert (worst(seen) is Level.WARNING) == warned
+
+
 def test_the_own_echo_raises_nothing() -> None:
     of, mine = monitor(), east(14.0, 20.0)
     for k in range(20):
