@@ -44,7 +44,7 @@ PITCHES_RAD, SWAY_M = (-0.002, -0.0013, -0.0007, 0.0, 0.0007, 0.0013, 0.002), 0.
 """By which the camera pitches from frame to frame, and how far the lead sways in its lane: on a
 real road, a plate does not lie on the same pixels in every frame."""
 PAGE = Path(__file__).parents[1] / "docs" / "vision.md"
-IMAGE = PAGE.with_name("vision-seen.png")
+IMAGE = PAGE.parent / "pictures" / "vision-seen.png"
 SERIES, PATTERN = "LL###LL", "[A-Z]{2}[0-9]{3}[A-Z]{2}"
 """Series of all plates, and its pattern for `vision.plate_patterns`."""
 _TAG_SIDE_M = 0.3
