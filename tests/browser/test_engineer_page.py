@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Browser, Page, Route, ViewportSize, expect
 
 from sim_rig.engineer import server
 from sim_rig.engineer.run_view import RunView
@@ -84,13 +84,20 @@ def page(browser: Browser, address: str) -> Iterator[Page]:
     page = context.new_page()
     page.on("pageerror", lambda error: pytest.fail(f"error in the page: {error}"))
     page.goto(address)
-    expect(page.locator("#clock")).not_to_have_text("starting")
+    expect(page.locator("#clock")).to_contain_text(" s")
     yield page
     context.close()
 
 
 def card(page: Page, car: str, part: str) -> str:
     return page.locator(f'[data-car="{car}"].card {part}').inner_text()
+
+
+def select(page: Page, part: float) -> None:
+    """Select a time on the timeline, as a part of the run's duration."""
+    timeline = page.locator("#timeline")
+    width_px = timeline.evaluate("(element) => element.clientWidth")
+    timeline.click(position={"x": 76 + part * (width_px - 88), "y": 9})
 
 
 def test_a_jump_to_a_warning_shows_all_cars_at_that_time(page: Page) -> None:
@@ -125,13 +132,10 @@ def test_steps_go_from_event_to_event_and_back(page: Page) -> None:
 
 
 def test_the_image_is_that_of_the_shown_time(page: Page) -> None:
-    box = page.locator("#timeline").bounding_box()
-    assert box is not None
-
     for second in (4, 9):
-        page.mouse.click(box["x"] + 76 + (second + 0.5) / 12 * (box["width"] - 88), box["y"] + 9)
+        select(page, (second + 0.5) / 12)
         grey = -1
-        for _ in range(100):
+        for _ in range(500):
             grey = page.evaluate(
                 """() => document.querySelector('[data-car="red"] canvas').getContext("2d")
                     .getImageData(320, 180, 1, 1).data[0]"""
@@ -162,6 +166,29 @@ def test_discards_are_counted_by_reason_and_car(page: Page) -> None:
     ]
     counts = dict(zip(heads, row.locator("td").all_inner_texts(), strict=True))
     assert int(counts["yellow"]) > 0
+
+
+@pytest.mark.parametrize("way", ["button", "key"])
+def test_no_time_is_selected_before_the_run_is_known(
+    browser: Browser, address: str, way: str
+) -> None:
+    page, held = browser.new_page(), list[Route]()
+    page.route("**/entries?*", lambda route: held.append(route))  # noqa: PLW0108 (is marked)
+    page.goto(address)
+    expect(page.locator(".card")).to_have_count(4)
+
+    if way == "button":
+        box = page.locator("#pause").bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    else:
+        page.keyboard.press(" ")
+    for route in held:
+        route.continue_()
+
+    expect(page.locator("#clock")).to_contain_text(" s")
+    expect(page.locator("#pause")).to_have_text("Pause")
+    page.close()
 
 
 def test_text_of_traces_is_not_parsed_as_html(page: Page) -> None:
@@ -203,9 +230,7 @@ def test_a_fused_state_is_shown_with_each_measurement_once(
     with Shown(load_scenario("shared-detection"), tmp_path) as address:
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.goto(address)
-        box = page.locator("#timeline").bounding_box()
-        assert box is not None
-        page.mouse.click(box["x"] + 76 + 0.7 * (box["width"] - 88), box["y"] + 9)
+        select(page, 0.7)
 
         shared = page.locator("#fused tbody tr", has_text="shared").first
         expect(shared).to_be_visible()

@@ -43,9 +43,9 @@ export class Card {
     const response = await fetch(`pictures/${this.car}?at_s=${at_s}`);
     const stamp = response.headers.get("X-Stamp");
     if (!response.ok || stamp === this.stamp) return;
-    this.stamp = stamp;
     const picture = await createImageBitmap(await response.blob());
     this.picture.getContext("2d").drawImage(picture, 0, 0, WIDTH_PX, HEIGHT_PX);
+    this.stamp = stamp;
   }
 
   #drawTexts(at_s) {

@@ -43,7 +43,7 @@ document.onkeydown = (event) => {
     " ": () => $("pause").onclick(), ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     w: () => step(1, isWarning), W: () => step(-1, isWarning),
   }[event.key];
-  if (action) { event.preventDefault(); action(); }
+  if (action && !document.body.inert) { event.preventDefault(); action(); }
 };
 new ResizeObserver(() => draw()).observe($("sequence"));
 setInterval(poll, POLL_MS);
@@ -85,6 +85,7 @@ async function poll() {
     ({ start_s, now_s } = answer);
     received_ms = performance.now();
     isOver = false;
+    document.body.inert = false; // No time can be selected before the run is known.
   } catch { isOver = true; } finally { poll.busy = false; }
   document.body.classList.toggle("over", isOver);
   if (paused_s === null) draw();
