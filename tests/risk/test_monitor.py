@@ -12,11 +12,23 @@ from onboard.lcca.events import WarningLevel, WarningOver
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, VehicleSize
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
-from onboard.observations import BrakeCause, Discarded, Lead, LeadIdentity, Position, Speed
-from onboard.risk.alarm import RELEASE_S, Alarm, Level
+from onboard.observations import (
+    BrakeCause,
+    Discarded,
+    Lead,
+    LeadIdentity,
+    Position,
+    Speed,
+    TurnSignal,
+)
+from onboard.risk.alarm import RELEASE_S, Alarm, Cause, Level
+from onboard.risk.braking_ahead import BRAKING_AHEAD
+from onboard.risk.bsw import BSW
 from onboard.risk.eebl import EEBL
+from onboard.risk.fcw import FCW
 from onboard.risk.ima import IMA
 from onboard.risk.lcca_warning import LCCA
+from onboard.risk.lcw import LCW
 from onboard.risk.monitor import RiskMonitor
 from onboard.risk.raised_alarms import MOST_VEHICLES
 from onboard.risk.settings import RiskSettings
@@ -219,17 +231,35 @@ def test_a_bridge_over_the_road(height_m: float, warned: bool) -> None:
     assert (worst(seen) is Level.WARNING) == warned
 
 
-@pytest.mark.parametrize(("height_m", "warned"), [(5.0, True), (-5.0, True), (8.0, False)])
-def test_a_road_above_the_road(height_m: float, warned: bool) -> None:
-    """Two receivers' heights can be metres apart: in the own lane, that makes no other road."""
+@pytest.mark.parametrize(("height_m", "raised"), [(5.0, True), (-5.0, True), (9.0, False)])
+@pytest.mark.parametrize(
+    ("cause", "place", "speed_m_s"),
+    [
+        (FCW, (40.0, 0.0), 0.0),
+        (EEBL, (40.0, 0.0), 14.0),
+        (BRAKING_AHEAD, (180.0, 0.0), 14.0),
+        (BSW, (-6.0, 3.5), 14.0),
+        (LCW, (-20.0, 3.5), 24.0),
+    ],
+)
+def test_a_road_above_the_road(
+    cause: Cause, place: tuple[float, float], speed_m_s: float, height_m: float, raised: bool
+) -> None:
+    """Two receivers' heights can be metres apart: of one's own way, that makes no other road."""
     of = monitor()
     of.host.receive_observation(Speed(0.0, 14.0, KM_H, "obd:7E8"))
+    of.host.receive_observation(TurnSignal(0.0, "left", is_on=True, source="can"))
     of.receive_event(Position(0.0, 47.0, 8.0, 400.0, 1.0, 14.0, 1.57), 0.0)
-    of.receive_bsm(bsm(400.0 + height_m), 0.0)
+    message = bsm(400.0 + height_m, brakes_hard=True)
+    placed = replace(message.core, latitude_deg=47.0, longitude_deg=8.0)
+    of.receive_bsm(replace(message, core=placed), 0.0)
 
-    seen = drive(of, east(14.0, 50.0), lambda _: (0.0, 0.0, 0.0, 0.0), 2.0)
+    def other(t: float) -> State:
+        return place[0] + speed_m_s * t, place[1], speed_m_s, 0.0
 
-    assert (worst(seen) is Level.WARNING) == warned
+    seen = drive(of, east(14.0, 0.0), other, 0.5)
+
+    assert (cause in {alarm.cause for alarm in seen}) == raised
 
 
 def test_the_own_echo_raises_nothing() -> None:
