@@ -4,6 +4,8 @@ from onboard.errors import DecodeError
 
 _FRAGMENTED = 1 << 14
 """Length from which X.691 (11.9.3.8) uses fragments; no frame is as long."""
+_MAX_NUMBER_OCTETS = 8
+"""Of a number without upper bound. Python refuses to print one that has 4,300 digits."""
 
 
 class BitReader:
@@ -32,7 +34,12 @@ class BitReader:
 
     def small_number(self) -> int:
         """Return a normally small non-negative whole number (X.691, 11.6)."""
-        return int.from_bytes(self.octets()) if self.take(1) else self.take(6)
+        if not self.take(1):
+            return self.take(6)
+        octets = self.octets()
+        if len(octets) > _MAX_NUMBER_OCTETS:
+            raise DecodeError("too_long", f"a number of {len(octets)} octets")
+        return int.from_bytes(octets)
 
     def octets(self) -> bytes:
         """Return an open type or OCTET STRING of any length."""

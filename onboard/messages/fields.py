@@ -427,8 +427,12 @@ class BitString(FixedField):
         return "flags", _flags(self.names), ""
 
 
+_KEPT_FLAGS = 16
+"""Later ones are skipped: Python keeps each combination of flags for ever once it was received."""
+
+
 class OpenBitString(Field):
-    """BIT STRING (SIZE (bits, ...)): bits of later versions are kept as flags without a name."""
+    """BIT STRING (SIZE (bits, ...)): the next bits of later versions are flags without a name."""
 
     def __init__(self, names: type[IntFlag], bits: int) -> None:
         self.names = names
@@ -445,7 +449,8 @@ class OpenBitString(Field):
     @override
     def take(self, reader: BitReader) -> IntFlag:
         bits = reader.length() if reader.take(1) else self.bits
-        return self.names(_mirrored(reader.take(bits), bits))
+        kept = min(bits, _KEPT_FLAGS)
+        return self.names(_mirrored(reader.take(bits) >> bits - kept, kept))
 
     @override
     def printed(self, value: IntFlag) -> list[str]:

@@ -5,6 +5,10 @@ from typing import TypeVar
 
 ItemT = TypeVar("ItemT")
 
+MAX_NUMBER_BYTES = 8
+"""Of an INTEGER without bounds: PSIDs, counts and lengths of chains are smaller. Python refuses to
+print one that has 4,300 digits."""
+
 
 class Malformed(ValueError):  # noqa: N818 (names the state of the bytes)
     """The bytes are not a valid encoding."""
@@ -49,7 +53,10 @@ def choice(number: int) -> bytes:
 
 
 class OerReader:
-    """Reads `data` from the front; raises `Malformed` where it is too short."""
+    """Reads `data` from the front; raises `Malformed` where it is too short.
+
+    Numbers of more than `MAX_NUMBER_BYTES` are `Unsupported`.
+    """
 
     __slots__ = ("data", "position")
 
@@ -94,17 +101,23 @@ class OerReader:
 
     def unsigned(self) -> int:
         """Return an INTEGER without upper bound."""
-        content = self.octets()
+        content = self._number()
         if not content or (content[0] == 0 and len(content) > 1):
             raise Malformed("an integer without bytes, or not in the shortest form")
         return int.from_bytes(content, "big")
 
     def signed(self) -> int:
         """Return an INTEGER without bounds."""
-        content = self.octets()
+        content = self._number()
         if not content or signed(int.from_bytes(content, "big", signed=True))[1:] != content:
             raise Malformed("an integer without bytes, or not in the shortest form")
         return int.from_bytes(content, "big", signed=True)
+
+    def _number(self) -> bytes:
+        content = self.octets()
+        if len(content) > MAX_NUMBER_BYTES:
+            raise Unsupported(f"an integer of {len(content)} bytes")
+        return content
 
     def choice(self) -> int:
         """Return the number of a CHOICE's alternative."""

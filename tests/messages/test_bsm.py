@@ -5,6 +5,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +17,7 @@ from hypothesis.strategies._internal.core import DataObject
 
 from onboard.errors import DecodeError
 from onboard.messages import bsm
+from onboard.messages.bit_io import BitWriter
 from onboard.messages.bsm import BasicSafetyMessage, OtherPart
 from onboard.messages.bsm_core import (
     CORE,
@@ -386,6 +388,18 @@ def test_an_event_flag_of_a_later_edition_is_kept_and_printed(tmp_path: Path) ->
     assert bsm.as_dict(replace(SILENT, safety=safety))["safety"]["events"] == ["bit_13"]
     theirs.from_uper(SAFETY.encode(safety))
     assert theirs.get_val() == {"events": (0b1, 14)}
+
+
+@given(st.integers(17, 16_383), st.randoms())
+def test_combinations_of_unknown_flags_fill_no_memory(bits: int, random: Random) -> None:
+    """Python remembers each combination of flags; so many are there as a sender makes up."""
+    flags = random.getrandbits(bits) | 1 << bits - 1
+    head = BitWriter()
+    head.put(0b0_1000_1, 6)
+    head.put_length(bits)
+    head.put(int(f"{flags:0{bits}b}"[::-1], 2), bits)
+    safety = SAFETY.decode(head.finish())
+    assert safety.events == flags & (1 << 16) - 1
 
 
 def _pycrate(folder: Path) -> ModuleType:

@@ -1,6 +1,6 @@
 """Encoding, decoding, printing and documentation follow from one declaration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Annotated, Any
 
@@ -228,3 +228,11 @@ def test_a_number_of_any_size_is_a_normally_small_one() -> None:
     ours = Painted(2 + 64, Chosen("number", 0), "a", is_wet=False)
     assert PAINTED.decode(PAINTED.encode(ours)) == ours
     assert PAINTED.encode(ours).startswith(bytes((0b1_1_000000, 0b01_010000)))
+
+
+def test_a_number_of_more_than_eight_octets_is_too_long() -> None:
+    ours = Painted(1 << 64, Chosen("number", 0), "a", is_wet=False)
+    PAINTED.decode(PAINTED.encode(replace(ours, colour=(1 << 64) - 1)))
+    with pytest.raises(DecodeError, match="9 octets") as refusal:
+        PAINTED.decode(PAINTED.encode(replace(ours, colour=2 + (1 << 64))))
+    assert refusal.value.reason == "too_long"

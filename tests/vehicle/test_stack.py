@@ -8,7 +8,10 @@ import pytest
 
 from onboard.bsm_transmission.transmitter import BsmTransmitter
 from onboard.kinematics.units import KM_H
+from onboard.messages import bsm
+from onboard.messages.bit_io import BitWriter
 from onboard.messages.bsm import BasicSafetyMessage
+from onboard.messages.bsm_core import CoreData
 from onboard.observations import (
     DetectionList,
     Discarded,
@@ -20,7 +23,7 @@ from onboard.observations import (
     Speed,
     VehicleDetection,
 )
-from onboard.security import ieee1609dot2
+from onboard.security import ieee1609dot2, oer
 from onboard.settings import parse_settings
 from onboard.step import BrakeButton, Input, ReceivedWsm, SentWsm
 from onboard.tools.decode.describe import describe
@@ -153,11 +156,33 @@ def test_bytes_that_are_no_message_are_discarded_under_their_service(
     service: int, payload: bytes, discarded: str
 ) -> None:
     wsm = wsmp.encode(WaveShortMessage(service, ieee1609dot2.encode_unsecured(payload)))
-    events = car("AAA1").step([ReceivedWsm(0.0, wsm)], 0.0).events
+    assert _received(car("AAA1"), wsm) == [discarded]
 
-    assert [
-        f"{each.component} {each.reason}" for each in events if isinstance(each, Discarded)
-    ] == [discarded]
+
+def test_a_number_too_long_to_be_printed_is_discarded_from_whomever_it_comes() -> None:
+    """Python refuses to print 4,300 digits, which 1,800 bytes have; frames have up to 2,302."""
+    to_be_signed = ieee1609dot2.encode_to_be_signed(b"", psid.BSM, 1)
+    certificates = b"\x81" + oer.octets(b"\x01" * 1800)
+    signed = b"\x03\x81\x00" + to_be_signed + certificates
+    events = _received(car("AAA1"), wsmp.encode(WaveShortMessage(psid.BSM, signed)))
+    assert events == ["security unsupported"]
+
+
+def test_event_flags_of_any_number_are_a_bsm() -> None:
+    flags = BitWriter()
+    flags.put(0b0_1000_1, 6)
+    flags.put_length(16_383)
+    flags.put((1 << 16_383) - 1, 16_383)
+    part = bsm.OtherPart(0, flags.finish())
+    message = bsm.BasicSafetyMessage(CoreData(1, b"abcd"), other_parts=(part,))
+    payload = ieee1609dot2.encode_unsecured(bsm.encode(message))
+    assert _received(car("AAA1"), wsmp.encode(WaveShortMessage(psid.BSM, payload))) == []
+
+
+def _received(vehicle: Stack, wsm: bytes) -> list[str]:
+    """Return why a vehicle discards a frame."""
+    events = vehicle.step([ReceivedWsm(0.0, wsm)], 0.0).events
+    return [f"{each.component} {each.reason}" for each in events if isinstance(each, Discarded)]
 
 
 def test_a_vehicle_without_samples_reports_its_lost_sensors() -> None:
