@@ -1,4 +1,4 @@
-"""DDateTime of SAE J2735: a time, of which parts may be left out."""
+"""DDateTime of SAE J2735: a time, of which parts may be left out, or unavailable."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -8,6 +8,7 @@ from onboard.errors import DecodeError
 from onboard.messages.fields import Integer, Optional, Quantity
 
 _SECOND_UNAVAILABLE = 65.535
+_UNAVAILABLE = {"year": 0, "month": 0, "day": 0, "hour": 31, "minute": 60}
 _PERIODS_MS = (("minute", 60_000), ("hour", 3_600_000), ("day", 86_400_000))
 """After which the time repeats without that field, the shortest first."""
 
@@ -42,9 +43,12 @@ class DateTime:
         if self.second_s is None or self.second_s >= _SECOND_UNAVAILABLE:
             raise DecodeError("no_time", "of the detections")
         near = DateTime.of_utc(near_ms)
-        names = ("year", "month", "day", "hour", "minute")
-        stated = {name: getattr(self, name) for name in names}
-        missing = {name: getattr(near, name) for name in names if stated[name] is None}
+        stated = {name: getattr(self, name) for name in _UNAVAILABLE}
+        missing = {
+            name: getattr(near, name)
+            for name, code in _UNAVAILABLE.items()
+            if stated[name] in (None, code)
+        }
         try:
             minute = datetime(**(stated | missing), tzinfo=UTC)
         except ValueError as error:

@@ -211,6 +211,8 @@ def decode(data: bytes) -> MvsFooter:
         raise DecodeError("unknown_version", f"{data[0]} instead of {VERSION}")
     reader = BitReader(data)
     header = HEADER.take(reader)
+    if header.reference_ms < MAX_AGE_MS:
+        raise DecodeError("out_of_range", f"{header.reference_ms} ms since 1970")
     observers = tuple(
         reader.take(OBSERVER_BYTES * 8).to_bytes(OBSERVER_BYTES) for _ in range(header.observers)
     )

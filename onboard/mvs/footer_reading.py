@@ -19,6 +19,7 @@ from onboard.messages.columns import Columns
 from onboard.messages.mvs_footer import (
     COUNT_BITS,
     HEADER,
+    MAX_AGE_MS,
     MEASUREMENT,
     OBSERVER_BYTES,
     STATE,
@@ -104,6 +105,8 @@ def _parted(data: bytes) -> _Footer | None:
     try:
         header = HEADER.decode(data[: HEADER.size_bytes])
     except DecodeError:
+        return None
+    if header.reference_ms < MAX_AGE_MS:
         return None
     measured_at = HEADER.size_bytes + OBSERVER_BYTES * header.observers
     stated_at = measured_at + MEASUREMENT.size_bytes * header.measurements

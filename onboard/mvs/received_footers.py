@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from onboard.errors import DecodeError
 from onboard.kinematics.arrays import Array, StateArrays
 from onboard.kinematics.local_frame import LocalFrame
 from onboard.tracking.evidence import (
@@ -59,7 +60,13 @@ class MeasuredPlace:
 def of_measurements(
     sender_id: bytes, anchor: LocalFrame, places: Sequence[MeasuredPlace]
 ) -> SharedEntries:
-    """Return the entries of a message without provenance: each is known by sender and time."""
+    """Return the entries of a message without provenance: each is known by sender and time.
+
+    Raises:
+        DecodeError: `out_of_range` for a time before 1970, which names no measurement.
+    """
+    if any(each.stamp_ms < 0 for each in places):
+        raise DecodeError("out_of_range", "measured before 1970")
     states = [(each.east_m, each.north_m, 0.0, 0.0) for each in places]
     covariances = np.zeros((len(places), 4, 4))
     for row, each in enumerate(places):

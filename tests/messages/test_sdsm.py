@@ -224,6 +224,13 @@ def test_what_a_time_leaves_out_is_taken_from_the_receipt() -> None:
     assert DateTime(minute=59, second_s=58.25).utc_ms(received_ms) == received_ms - 50
 
 
+def test_parts_of_a_time_that_are_unavailable_are_as_those_that_are_left_out() -> None:
+    """SAE J2735, DYear, DMonth, DDay, DHour and DMinute: 0, 0, 0, 31 and 60."""
+    received_ms = DateTime(2026, 11, 23, 16, 59, 58.3).utc_ms(0)
+    assert DateTime(0, 0, 0, 31, 60, 58.25).utc_ms(received_ms) == received_ms - 50
+    assert DateTime(2026, 0, 23, 16, 60, 58.25).utc_ms(received_ms) == received_ms - 50
+
+
 def test_a_second_of_the_minute_before_or_after_the_receipt_is_not_a_minute_off() -> None:
     received_ms = DateTime(2026, 11, 23, 16, 59, 0.1).utc_ms(0)
     assert DateTime(second_s=59.9).utc_ms(received_ms) == received_ms - 200
@@ -237,8 +244,7 @@ def test_a_second_of_the_minute_before_or_after_the_receipt_is_not_a_minute_off(
         (DateTime(2026, 11, 23, 16, 59), "no_time"),
         (DateTime(second_s=65.535), "no_time"),
         (DateTime(2026, 2, 30, 1, 1, 0.0), "out_of_range"),
-        (DateTime(2026, 0, 1, 1, 1, 0.0), "out_of_range"),
-        (DateTime(2026, 1, 1, 31, 60, 0.0), "out_of_range"),
+        (DateTime(2026, 1, 1, 24, 1, 0.0), "out_of_range"),
     ],
 )
 def test_a_time_that_is_none_is_refused(time: DateTime, reason: str) -> None:

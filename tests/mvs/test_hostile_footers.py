@@ -102,6 +102,14 @@ def test_stale_evidence_is_dropped() -> None:
     assert say(victim(), old) == ["stale"]
 
 
+@pytest.mark.parametrize("observer", [bytes(4), ATTACKER])
+def test_what_was_measured_before_1970_is_out_of_range(observer: bytes) -> None:
+    measured = Measurement(measurement_id(observer, 999_900), np.array([20.0, 60.0]), np.eye(2))
+    footer = footer_with(measured)
+    before = dataclasses.replace(footer, reference_ms=0)
+    assert say(victim(), before) == ["out_of_range"]
+
+
 def test_what_we_never_measured_is_not_ours() -> None:
     assert say(victim(), footer_with(estimate_at(20, 60, RECENT, OWN))) == ["not_my_measurement"]
 

@@ -142,6 +142,18 @@ def test_own_messages_and_what_has_no_time_or_place_are_discarded() -> None:
     assert world.discarded("b") == ["own_message", "no_time", "no_position", "stale"]
 
 
+def test_what_was_measured_before_1970_is_discarded_whoever_says_so() -> None:
+    world = two_and_one(SharedIn.SDSM)
+    world.run(2.0)
+    message, b = last_sdsm(world), world.mvs["b"]
+    world.discarded("b")
+    unit = replace(message, source_id=bytes(4), equipment=EquipmentType.RSU)
+    for time in (DateTime(1, 1, 1, 1, 1, 1.0), DateTime(1969, 12, 31, 23, 59, 59.999)):
+        b.receive_sdsm(replace(unit, time=time), world.t)
+    b.update(world.t)
+    assert world.discarded("b") == ["out_of_range"] * 2
+
+
 def test_only_vehicles_with_a_confidence_are_used() -> None:
     world = two_and_one(SharedIn.SDSM)
     world.run(2.0)
