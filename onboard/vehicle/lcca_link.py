@@ -128,10 +128,12 @@ class LccaLink:
             raise RefusalError("unproved_origin")
         try:
             opened = self._security.open(origin, self._psid, now, is_repeated=True)
+            stated = lcca.decode(self._payload_in(opened.payload))
         except NotTrusted as refusal:
             is_own = refusal.reason is RejectionReason.OWN_ECHO
             raise RefusalError("own_echo" if is_own else "unproved_origin") from refusal
-        stated = lcca.decode(self._payload_in(opened.payload))
+        except DecodeError as error:  # `_states` has read on behind what is signed
+            raise RefusalError("unproved_origin") from error
         if not isinstance(stated.message, Warn) or not self._is_proved(
             stated.message.sender_id, stated.proof, opened
         ):

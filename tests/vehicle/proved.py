@@ -43,12 +43,18 @@ class Insider:
         now: float,
         proof: tuple[bytes, ...] | None = None,
         origin: bytes = b"",
+        *,
+        cut: int = 0,
     ) -> ReceivedWsm:
-        """A signed message, with the proof of the own ID unless another one is given."""
+        """A signed message, with the proof of the own ID unless another one is given.
+
+        Of its last bytes, `cut` are not signed.
+        """
         pseudonym = self.pseudonym(now)
         assert pseudonym.credential is not None
         self._security.sign_with(pseudonym.credential)
         payload = lcca.encode(message, pseudonym.proof if proof is None else proof, origin)
+        payload = payload[: len(payload) - cut]
         secured = self._security.secure(payload, psid.LCCA, now)
         return ReceivedWsm(now, wsmp.encode(WaveShortMessage(psid.LCCA, secured)))
 

@@ -64,7 +64,8 @@ def test_a_warning_that_is_repeated_carries_what_the_braking_vehicle_signed() ->
 
 
 @pytest.mark.parametrize(
-    "origin", ["none", "garbage", "altered", "of another braking", "a join", "in another's name"]
+    "origin",
+    ["none", "garbage", "altered", "of another braking", "a join", "in another's name", "cut short"],
 )
 def test_a_braking_that_its_vehicle_did_not_state_is_discarded(origin: str) -> None:
     platoon, insider = driven(), Insider()
@@ -79,6 +80,7 @@ def test_a_braking_that_its_vehicle_did_not_state_is_discarded(origin: str) -> N
             insider.wsm(lcca.Join(own, leader, 1, leader, 1, lcca.NO_ID, 0), platoon.now)
         ),
         "in another's name": secured_in(insider.wsm(braking(leader, leader, 900), platoon.now)),
+        "cut short": secured_in(insider.wsm(braking(leader, leader, 900), platoon.now, cut=3)),
     }[origin]
     before = len(list(platoon.events_of("CCC3", "warning")))
     for plate in ("BBB2", "CCC3"):
