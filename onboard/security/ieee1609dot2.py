@@ -25,6 +25,7 @@ _SIGNED_HEAD = bytes((_VERSION, 0x81, 0x00))
 """Version, signedData, SHA-256."""
 _PAYLOAD_ONLY = b"\x40"
 """SignedDataPayload: no extension, data present, no external hash."""
+_UNKNOWN_LATITUDE, _UNKNOWN_LONGITUDE = 900_000_001, 1_800_000_001
 _MOST_CERTIFICATES = 8
 _CACHED_CERTIFICATES = 512
 """Certificates that are not read again: those of the vehicles in range."""
@@ -307,8 +308,10 @@ def _encode_location(location: Location) -> bytes:
     )
 
 
-def _read_location(reader: OerReader) -> Location:
-    latitude, longitude = (
-        int.from_bytes(reader.take(4), "big", signed=True) / 1e7 for _ in range(2)
-    )
-    return Location(latitude, longitude, (reader.integer(2) - 4096) / 10)
+def _read_location(reader: OerReader) -> Location | None:
+    """Read a ThreeDLocation; `None` for one that its sender does not know."""
+    latitude, longitude = (int.from_bytes(reader.take(4), "big", signed=True) for _ in range(2))
+    elevation_m = (reader.integer(2) - 4096) / 10
+    if latitude == _UNKNOWN_LATITUDE or longitude == _UNKNOWN_LONGITUDE:
+        return None
+    return Location(latitude / 1e7, longitude / 1e7, elevation_m)

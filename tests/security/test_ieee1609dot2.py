@@ -234,6 +234,16 @@ def test_all_of_them_are_refused_because_their_issuer_is_unknown(
     }
 
 
+@pytest.mark.parametrize(
+    ("latitude", "longitude"), [(900_000_001, 115_000_000), (481_000_000, 1_800_000_001)]
+)
+def test_a_location_that_its_sender_does_not_know_is_none(latitude: int, longitude: int) -> None:
+    """NinetyDegreeInt and OneEightyDegreeInt have a code for that."""
+    unknown = ieee1609dot2.Location(latitude / 1e7, longitude / 1e7, 0.0)
+    data = security(ALICE).secure(b"", BSM, now=1.0, location=unknown)
+    assert a(SignedData, ieee1609dot2.decode(data)).location is None
+
+
 # ---- the signer, before anything is verified ----------------------------------------------------
 
 

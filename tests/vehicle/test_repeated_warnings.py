@@ -65,7 +65,15 @@ def test_a_warning_that_is_repeated_carries_what_the_braking_vehicle_signed() ->
 
 @pytest.mark.parametrize(
     "origin",
-    ["none", "garbage", "altered", "of another braking", "a join", "in another's name", "cut short"],
+    [
+        "none",
+        "garbage",
+        "altered",
+        "of another braking",
+        "a join",
+        "in another's name",
+        "cut short",
+    ],
 )
 def test_a_braking_that_its_vehicle_did_not_state_is_discarded(origin: str) -> None:
     platoon, insider = driven(), Insider()
