@@ -125,8 +125,8 @@ times = st.integers(0, 2**64 - 1)
             "expiryTime": times,
             "generationLocation": st.fixed_dictionaries(
                 {
-                    "latitude": st.integers(-900_000_000, 900_000_001),
-                    "longitude": st.integers(-1_799_999_999, 1_800_000_001),
+                    "latitude": st.integers(-900_000_000, 900_000_000),
+                    "longitude": st.integers(-1_799_999_999, 1_800_000_000),
                     "elevation": st.integers(0, 65535),
                 }
             ),
