@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import socket
 from collections.abc import Callable
 
 from typing_extensions import override
@@ -10,6 +11,14 @@ from onboard.gnss.gpsd_reader import WATCH
 from onboard.gnss.settings import GnssSettings
 
 RECONNECT_PERIOD_S = 1.0
+KEEP_ALIVE = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
+)
+"""Options of a connection that is lost 4 s after the other computer has fallen silent: who only
+listens would wait for it for ever."""
 
 
 class Gpsd:
@@ -82,6 +91,8 @@ class _Watcher(asyncio.Protocol):
     @override
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.WriteTransport)  # noqa: S101 (TCP is)
+        for option in KEEP_ALIVE:
+            transport.get_extra_info("socket").setsockopt(*option)
         transport.write(WATCH)
 
     @override

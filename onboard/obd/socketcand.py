@@ -157,8 +157,12 @@ def connect(channel: str, host: str, port: int, timeout_s: float) -> socket.sock
     connection = socket.create_connection((host, port), timeout=timeout_s)
     try:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # A server that vanished is an error for the reader too, after the same timeout.
+        # A server that vanished is an error for the reader too, after the same timeout; without a
+        # request, the kernel asks for it.
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(timeout_s * 1000))
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
         _expect(connection, "hi")
         for command in (f"open {channel}", "rawmode"):
             connection.sendall(f"< {command} >".encode("ascii"))

@@ -15,6 +15,7 @@ from onboard.gnss.gpsd_reader import WATCH, GpsdReader
 from onboard.gnss.settings import GnssSettings
 from onboard.observations import Discarded, Position
 from tests.gnss.test_nmea import GGA, RMC, at, sentence
+from tests.tcp import is_kept_alive
 from tests.typed import a
 
 
@@ -83,6 +84,25 @@ def test_gpsd_is_subscribed_lost_and_reconnected() -> None:
         assert await soon(callbacks.states.get()) == (True, "")
         (await soon(clients.get())).close()
         callbacks.gpsd.close()
+        server.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_gpsd_whose_computer_has_lost_power_is_found_out() -> None:
+    """A client that only listens would wait for it for ever."""
+
+    async def scenario() -> None:
+        clients = asyncio.Queue[asyncio.StreamWriter]()
+        server = await asyncio.start_server(
+            lambda _, writer: clients.put_nowait(writer), "127.0.0.1", 0
+        )
+        callbacks = Callbacks(server.sockets[0].getsockname()[1])
+        client = await soon(clients.get())
+        assert await soon(callbacks.states.get()) == (True, "")
+        assert is_kept_alive(client.get_extra_info("peername")[1])
+        callbacks.gpsd.close()
+        client.close()
         server.close()
 
     on_a_loop(scenario)

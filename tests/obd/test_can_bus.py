@@ -18,6 +18,7 @@ from onboard.obd.vehicle_bus import VehicleBus
 from onboard.observations import Discarded, Speed
 from sim_rig.cars.ecu import ENGINE_11_BIT, ENGINE_29_BIT, Addresses, Ecu
 from sim_rig.cars.socketcand_server import SocketcandServer
+from tests.tcp import is_kept_alive
 from tests.typed import a
 
 ANSWER = CanFrame(0.0, 0x7E8, is_extended_id=False, data=bytes.fromhex("03410D3200000000"))
@@ -108,6 +109,18 @@ def test_frames_are_received_unchanged_and_requests_are_sent() -> None:
             bus.send(CanFrame(0.0, 0x7DF, is_extended_id=False, data=bytes.fromhex("02010D")))
             opened = [await soon(server.received.get()) for _ in range(3)]
             assert opened == [b"< open can0 >", b"< rawmode >", b"< send 7DF 3 02 01 0D >"]
+            bus.close()
+
+    on_a_loop(scenario)
+
+
+def test_a_server_whose_computer_has_lost_power_is_found_out_without_a_request() -> None:
+    async def scenario() -> None:
+        async with Server() as server:
+            bus = Callbacks().bus(server.port)
+            await open_in_thread(bus)
+            client = await soon(server.clients.get())
+            assert is_kept_alive(client.get_extra_info("peername")[1])
             bus.close()
 
     on_a_loop(scenario)
