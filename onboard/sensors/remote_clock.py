@@ -13,6 +13,10 @@ PERIOD_S = 30.0
 LARGEST_STEP_S = 2.0
 """A larger change is no lateness: the other clock was set, or the receiver got its leap seconds."""
 
+LATE_S, SET_S = 0.5, 5.0
+"""If all stamps of so long a time are later by more, the other clock was set: a queue is emptied in
+between. A receiver that learns of one leap second seems late by one second."""
+
 EARLY_S = 0.05
 """A stamp that is less late than all others by more counts only once another one agrees with it: a
 single one may be dated ahead, and all true ones after it would seem late."""
@@ -29,6 +33,9 @@ class RemoteClock:
         self._least_s = math.inf
         self._early_s = math.inf
         """Lateness of a stamp that no other has agreed with yet."""
+        self._late_since = math.inf
+        self._least_since_s = math.inf
+        """Since when all stamps are late, and the smallest lateness since then."""
 
     def receive_stamp(self, remote_s: float | None, now: float) -> float:
         """Update the offset, and return a stamp on the host's clock.
@@ -43,6 +50,10 @@ class RemoteClock:
         least_s = min(self._least_s, self._last_least_s)
         if abs(difference_s - least_s) > LARGEST_STEP_S:
             self._last_least_s = self._least_s = self._early_s = least_s = math.inf
+            self._late_since = self._least_since_s = math.inf
+        elif self._receive_lateness(difference_s - least_s, difference_s, now):
+            self._last_least_s, self._least_s = math.inf, self._least_since_s
+            least_s = self._least_s
         if now >= self._period_ends_at:
             self._last_least_s, self._least_s, self._early_s = self._least_s, math.inf, math.inf
             self._period_ends_at = now + PERIOD_S
@@ -52,3 +63,12 @@ class RemoteClock:
                 return now - self._latency_s
         self._least_s = min(self._least_s, difference_s)
         return remote_s + min(self._least_s, self._last_least_s) - self._latency_s
+
+    def _receive_lateness(self, late_s: float, difference_s: float, now: float) -> bool:
+        """Take by how much a stamp is late; return whether all have been for `SET_S`."""
+        if late_s <= LATE_S:
+            self._late_since = self._least_since_s = math.inf
+            return False
+        self._late_since = min(self._late_since, now)
+        self._least_since_s = min(self._least_since_s, difference_s)
+        return now - self._late_since >= SET_S

@@ -45,6 +45,27 @@ def test_a_step_of_the_remote_clock_is_followed_at_once() -> None:
     assert clock.receive_stamp(UTC_S + 2 - 18 + 1024 * 7 * 86400, 52.1) == pytest.approx(52.0)
 
 
+@pytest.mark.parametrize("back_s", [0.6, 1.0, 1.9])
+def test_a_remote_clock_that_is_set_back_a_little_is_followed_after_five_seconds(
+    back_s: float,
+) -> None:
+    """A receiver with firmware of before 2017 lacks one leap second until satellites tell it."""
+    clock = RemoteClock(0.1)
+    for n in range(300):
+        now = 50.1 + n / 10
+        stamp_s = clock.receive_stamp(UTC_S + n / 10 - (back_s if n >= 100 else 0.0), now)
+        if not 100 <= n <= 150:
+            assert stamp_s == pytest.approx(now - 0.1, abs=1e-5)
+
+
+def test_a_jam_of_some_seconds_is_lateness() -> None:
+    clock = RemoteClock(0.1)
+    for n in range(300):
+        late_s = 0.9 if 100 <= n <= 140 else 0.0
+        stamp_s = clock.receive_stamp(UTC_S + n / 10, 50.1 + n / 10 + late_s)
+        assert stamp_s == pytest.approx(50.0 + n / 10, abs=1e-5)
+
+
 @pytest.mark.parametrize("ahead_s", [0.1, 0.5, 1.9, 2.5, 60.0])
 def test_one_stamp_that_is_dated_ahead_does_not_make_the_next_ones_late(ahead_s: float) -> None:
     """A faulty datagram, or one of another program on the machine."""
