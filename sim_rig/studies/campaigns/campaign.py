@@ -126,7 +126,7 @@ def _reserve(folder: Path, name: str, settings: Settings, *, holds_runs: bool) -
     path = folder / "campaign.yaml"
     if path.exists() and path.read_bytes() == entry.encode():
         return
-    if path.exists() and holds_runs:
+    if holds_runs:
         raise CampaignError(f"{folder} holds runs with other settings: remove it, or use another")
     begun = path.with_suffix(".new")  # so that an interruption leaves no incomplete file
     begun.write_text(entry, "utf-8")

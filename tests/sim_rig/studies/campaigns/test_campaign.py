@@ -80,6 +80,14 @@ def test_runs_with_other_settings_are_an_error(tmp_path: Path) -> None:
         run_campaign(throw, DiceSettings(sides=20), range(2), tmp_path, Workers())
 
 
+def test_runs_without_their_settings_are_an_error(tmp_path: Path) -> None:
+    """As of a folder of which only the runs were copied."""
+    run_campaign(throw, DiceSettings(), NUMBERS, tmp_path, Workers())
+    (tmp_path / "campaign.yaml").unlink()
+    with pytest.raises(CampaignError, match="holds runs with other settings"):
+        run_campaign(throw, DiceSettings(sides=20), NUMBERS, tmp_path, Workers())
+
+
 def test_settings_may_be_corrected_in_a_folder_without_runs(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="high <= 0"):
         run_campaign(throw, DiceSettings(sides=0), range(2), tmp_path, Workers())
