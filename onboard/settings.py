@@ -216,7 +216,7 @@ def parse_settings(tree: object, schema: type[SettingsT], origin: str) -> Settin
 def _explain(error: dict[str, Any], schema: type[BaseModel]) -> str:
     field = ".".join(_walk(error["loc"], schema)[0])
     if error["type"].startswith("union_tag"):
-        return f"{field}.{_explain_tag(error['ctx'])}"
+        return f"{field}.{_explain_tag(error, schema)}"
     field = field or "(the whole file)"
     if error["type"] == "missing":
         return f"{field}: is required and missing"
@@ -245,11 +245,14 @@ def _shortened(text: str) -> str:
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 
 
-def _explain_tag(context: dict[str, str]) -> str:
+def _explain_tag(error: dict[str, Any], schema: type[BaseModel]) -> str:
     """Explain a missing or unknown value of the key that chooses the kind of a section."""
+    context = error["ctx"]
     key = _unquoted(context["discriminator"])
     if "tag" not in context:
-        return f"{key}: is required and missing"
+        kinds = _walk(error["loc"], schema)[1]
+        tags = sorted(tag for kind in kinds for tag in get_args(kind.model_fields[key].annotation))
+        return f"{key}: is required and missing; allowed: {', '.join(tags)}"
     allowed, given = context["expected_tags"], context["tag"]
     near = _near(given, [_unquoted(each) for each in allowed.split(", ")])
     return f"{key}: Input should be one of {allowed} (given {given!r}){near}"
@@ -261,8 +264,9 @@ def _unquoted(text: str) -> str:
 
 def _near(given: str, allowed: list[str]) -> str:
     """Return a suggestion, if one of `allowed` is similar."""
-    near = difflib.get_close_matches(given, allowed, n=1, cutoff=0.5)
-    return f"; did you mean {near[0]}?" if near else ""
+    near = difflib.get_close_matches(given, allowed, cutoff=0.5)
+    best = sorted(near, key=lambda name: not name.startswith(given))
+    return f"; did you mean {best[0]}?" if best else ""
 
 
 def _hint(location: Location, schema: type[BaseModel]) -> str:

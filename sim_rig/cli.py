@@ -440,6 +440,6 @@ def main() -> None:
         missing = (error.name or "").partition(".")[0]
         if missing in {"", "onboard", "sim_rig"}:
             raise
-        extra = _EXTRAS.get(missing, "rig")
-        typer.echo(f"sim-rig needs {missing}: pip install 'onboard[{extra}]'", err=True)
+        how = f"pip install 'onboard[{_EXTRAS.get(missing, 'rig')}]' (in a clone: make .venv/ready)"
+        typer.echo(f"sim-rig needs {missing}: {how}", err=True)
         sys.exit(2)

@@ -7,6 +7,7 @@ A page confirms each view (`shown NUMBER`). So views do not queue for a page tha
 import asyncio
 import contextlib
 import logging
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -129,7 +130,7 @@ class PageServer:
             self._listener = await loop.create_server(self._limiter, host, port, backlog=128)
         except OSError as error:
             await self._runner.cleanup()
-            raise UserError(f"hmi: {host}:{port}: {error.strerror}") from error
+            raise UserError(f"hmi.port: {host}:{port}: {os.strerror(error.errno or 0)}") from error
         self._probe = asyncio.create_task(self._sample_loop_delay())
         log.info("page", address=f"http://{host}:{port}/")
 

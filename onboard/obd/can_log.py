@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import can
+from can.io.player import MESSAGE_READERS
 
 from onboard.errors import UserError
 from onboard.obd.can_frame import CanFrame
@@ -89,7 +90,9 @@ def read_can_log(
     except CanLogError:
         raise
     except Exception as error:  # each format's reader raises its own types
-        raise CanLogError(f"{path}: unreadable CAN log: {error}") from error
+        known = f"; known are {', '.join(sorted(MESSAGE_READERS))}"
+        what = f"{error}{'' if path.suffix in MESSAGE_READERS else known}"
+        raise CanLogError(f"{path}: unreadable CAN log: {what}") from error
 
 
 def frame_of(message: can.Message, stamp_s: float) -> CanFrame:

@@ -73,7 +73,8 @@ def raw_records(path: Path) -> Iterator[McapRecord]:
                         yield record
             except InvalidMagic as error:
                 if file.tell() <= len(_MAGIC):
-                    raise RecordingError(f"{path}: no MCAP file") from error
+                    what = "no MCAP file (a CAN log is given with --can)"
+                    raise RecordingError(f"{path}: {what}") from error
             except _CUT:
                 return
     except OSError as error:

@@ -420,7 +420,9 @@ def test_a_port_in_use_is_a_user_error() -> None:
         async with served() as it:
             port = int(it.address.rsplit(":", 1)[1].strip("/"))
             second = PageServer(HmiSettings(port=port), Metrics(frozenset(), BUILD), lambda: None)
-            with pytest.raises(UserError, match=f"hmi: 127.0.0.1:{port}: "):
+            with pytest.raises(
+                UserError, match=f"hmi.port: 127.0.0.1:{port}: Address already in use$"
+            ):
                 await second.start()
 
     run(start())

@@ -100,7 +100,7 @@ def test_bad_lines_are_counted_and_remote_and_error_frames_ignored(tmp_path: Pat
         ("a.txt", b" (0.0) can0 100 [0] \n (0.1) can0 100 [0] \n (0.0) can0 100 [0] \n", "-td?"),
         ("a.mf4", b"MDF     4.10", "The asammdf package was not found"),
         ("nowhere.log", None, "no such file"),
-        ("a.xyz", b"", "unknown log format"),
+        ("a.xyz", b"", 'unknown log format ".xyz"; known are .asc, .blf, .csv'),
         (
             "a.log",
             b"can0  7E8   [4]  03 41 0D 32\n",

@@ -90,7 +90,8 @@ def test_a_package_of_the_extra_that_is_missing_is_one_line(
 ) -> None:
     run = without((package,), *command, "--out", str(tmp_path))
     assert run.returncode == 2
-    assert run.stderr == f"sim-rig needs {package}: pip install 'onboard[{extra}]'\n"
+    how = f"pip install 'onboard[{extra}]' (in a clone: make .venv/ready)"
+    assert run.stderr == f"sim-rig needs {package}: {how}\n"
 
 
 @pytest.mark.long
@@ -98,7 +99,7 @@ def test_a_study_of_sumos_traffic_without_sumo_ends_with_one_line(tmp_path: Path
     grid = ("study", "mvs-figure8", "--scene", "sumo-grid", "--workers", "1")
     run = without(("libsumo",), *grid, "--out", str(tmp_path))
     assert run.returncode == 2
-    assert run.stderr == "sim-rig needs libsumo: pip install 'onboard[sumo]'\n"
+    assert run.stderr.startswith("sim-rig needs libsumo: pip install 'onboard[sumo]' (in a clone")
 
 
 def test_the_version_names_commit_and_date(terminal: Terminal) -> None:

@@ -80,6 +80,7 @@ def test_check_lists_the_sections_of_a_valid_configuration(
             "focal_x_px is 18, but must be at least 0.25 of width_px, which is 1280",
         ),
         ("car: {plate: A1}\nobd: {poling_hz: 3}", "did you mean polling_hz?"),
+        ("car: {plate: A1}\ncamera: {source: '0', focal_x: 18}", "did you mean focal_x_px?"),
         ("car: {plate: A1}\nlcca: {join_headway_s: -1}", "lcca.join_headway_s: Input should be gr"),
         (
             "car: {plate: A1}\ncan: {interface: elm327}",

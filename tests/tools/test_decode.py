@@ -265,7 +265,9 @@ def test_a_file_that_is_no_capture_ends_with_1_and_one_line(tmp_path: Path, cont
 def test_a_file_without_messages_is_no_error(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "frames.hex"
     file.write_bytes(content)
-    assert records(run(file)) == []
+    result = run(file)
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr == f"{file}: no messages\n"
 
 
 @pytest.mark.realdata

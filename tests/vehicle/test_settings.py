@@ -118,7 +118,7 @@ ALIAS_BOMB = "v0: &v0 [1, 1, 1, 1]\n" + "".join(
             "animal.pulls: Input should be one of 'ox', 'horse' (given 'hors'",
         ),
         ("animal: {pulls: hors}", "; did you mean horse?"),
-        ("animal: {}", "animal.pulls: is required and missing"),
+        ("animal: {}", "animal.pulls: is required and missing; allowed: horse, ox"),
         ("animal: {pulls: horse, saddle: pink}", "animal.saddle: Input should be 'red' or 'blue'"),
         (
             "animal: {pulls: horse, sadle: red}",

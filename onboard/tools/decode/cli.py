@@ -36,10 +36,14 @@ def decode(
             typer.echo(f"{file}: neither pcap nor pcapng nor lines of hex", err=True)
             raise typer.Exit(1)
         try:
+            is_empty = True
             for record in _records(stream, form):
+                is_empty = False
                 typer.echo(json.dumps(record, separators=(",", ":")))
         except CaptureError as error:
             raise UserError(f"{file}: {error}") from error
+        if is_empty:
+            typer.echo(f"{file}: no messages", err=True)
 
 
 def _open(file: Path) -> BufferedReader:

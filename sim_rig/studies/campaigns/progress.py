@@ -101,7 +101,11 @@ def run_progress(name: str, about_s: float) -> Iterator[None]:
     columns = SpinnerColumn(), TextColumn(text), TimeElapsedColumn()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         progress.add_task(name, total=None)
-        yield
+        try:
+            yield
+        except KeyboardInterrupt:
+            report(f"{name}: interrupted, and nothing of it is stored")
+            raise
 
 
 def _console() -> Console:

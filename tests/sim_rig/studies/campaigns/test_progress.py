@@ -6,7 +6,7 @@ import pytest
 
 from sim_rig.studies.campaigns.campaign import Workers
 from sim_rig.studies.campaigns.catalogue import find_study, run_study, study_names
-from sim_rig.studies.campaigns.progress import ProgressLines, duration
+from sim_rig.studies.campaigns.progress import ProgressLines, duration, run_progress
 
 
 def test_the_first_line_says_how_many_runs_there_are() -> None:
@@ -50,6 +50,18 @@ def test_a_campaign_tells_its_runs_before_the_first_and_a_study_of_one_run_its_d
 
     run_study("rakhshan-figure7", tmp_path / "figure7", None, Workers())
     assert capsys.readouterr().err == "rakhshan-figure7: takes about 2 s\n"
+
+
+def test_an_interrupted_study_of_one_run_says_that_nothing_is_kept(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(KeyboardInterrupt), run_progress("joerer", 120.0):
+        raise KeyboardInterrupt
+
+    assert capsys.readouterr().err.splitlines() == [
+        "joerer: takes about 2 min",
+        "joerer: interrupted, and nothing of it is stored",
+    ]
 
 
 @pytest.mark.parametrize("name", study_names())
