@@ -25,7 +25,9 @@ with late stamps make a second track of a vehicle, whose speed is wrong by many 
 LEAD_TIMEOUT_S = 0.5
 """Time for which an observation of a vehicle is valid."""
 IN_THE_WAY_M = 1.6
-"""Farther from the path the middle of a vehicle is in another lane, or beside the road."""
+"""Farther from the path the middle of a vehicle is in another lane, or beside the road. A wider
+limit (2.0 m) for who was ahead would warn one of 244 drives more by BSMs, and 4 of 100 that pass a
+standing car one lane aside."""
 SAME_SIGMAS = 3.0
 """Gaps and closing speeds that differ by less may be of one vehicle."""
 
