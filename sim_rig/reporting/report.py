@@ -55,12 +55,15 @@ def print_report(scenario: Scenario, log: RunLog, console: Console) -> None:
 
 
 def print_verdict(judged: Verdict, count: int, console: Console) -> None:
-    """Print which of `count` expectations failed, or that none did, and what is not judged."""
-    failed = "[dim]not met[/dim]" if judged.was_late else "[red]FAILED[/red]"
-    for sentence in judged.failures:
-        console.print(f"{failed} {sentence}", soft_wrap=True)
+    """Print which of `count` expectations failed, or that none did, and what is not judged.
+
+    What was not met in a late run is no failure: it comes after the reason, as not judged.
+    """
     for sentence in judged.invalid:
         console.print(f"[yellow]INVALID[/yellow] {sentence}", soft_wrap=True)
+    failed = "[dim]not judged[/dim]" if judged.was_late else "[red]FAILED[/red]"
+    for sentence in judged.failures:
+        console.print(f"{failed} {sentence}", soft_wrap=True)
     for sentence in judged.not_judged:
         console.print(f"[dim]not judged[/dim] {sentence}", soft_wrap=True)
     if judged.outcome is Outcome.PASSED:

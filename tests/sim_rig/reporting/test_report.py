@@ -2,7 +2,8 @@
 
 from rich.console import Console
 
-from sim_rig.reporting.report import print_report
+from sim_rig.reporting.report import print_report, print_verdict
+from sim_rig.reporting.verdict import Verdict
 from sim_rig.run_log.run_log import RunLog
 from sim_rig.scenario.schema import load_scenario
 
@@ -54,3 +55,15 @@ def test_one_braking_is_one_row_of_warnings_whatever_changes_it() -> None:
     assert timeline.count("brakes with") == 3
     assert "6.000   red   hard braking is over" in timeline
     assert warnings.count("none") == 2
+
+
+def test_what_a_late_run_does_not_meet_is_no_failure_and_stands_after_the_reason() -> None:
+    late = Verdict(("green warned nobody",), ("the rig was late: picture",), was_late=True)
+    console = Console(width=100)
+    with console.capture() as captured:
+        print_verdict(late, 2, console)
+
+    assert captured.get().splitlines() == [
+        "INVALID the rig was late: picture",
+        "not judged green warned nobody",
+    ]
