@@ -307,23 +307,28 @@ def show(
     number: Annotated[
         int | None, typer.Argument(min=0, help="Of a study, the run's number in its runs.jsonl.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("out/run.html"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The HTML file to write.", show_default="run.html in the run's folder"),
+    ] = None,
 ) -> None:
     """Write a run as an HTML page: the cars from above. It has play, pause and step."""
-    with _writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
+    page = out or folder / ("run.html" if number is None else f"run-{number}.html")
+    with _writing(page):
+        if out is not None:
+            out.parent.mkdir(parents=True, exist_ok=True)
         if number is None:
             from sim_rig.reporting.scenario_from_above import (  # noqa: PLC0415 (see above)
                 show_scenario,
             )
 
-            summary = show_scenario(folder, out)
+            summary = show_scenario(folder, page)
         else:
             from sim_rig.studies.mvs.show import show_run  # noqa: PLC0415 (see above)
 
-            summary = show_run(folder, number, out)
+            summary = show_run(folder, number, page)
     typer.echo(summary)
-    typer.echo(f"  in {out}")
+    typer.echo(f"  in {page}")
 
 
 @app.command("map")

@@ -116,7 +116,7 @@ def test_titles_are_those_of_the_schema() -> None:
 
 
 @pytest.mark.long
-def test_a_virtual_run_prints_a_report_and_writes_traces(
+def test_a_virtual_run_prints_a_report_writes_traces_and_is_shown_from_above(
     terminal: Terminal, tmp_path: Path
 ) -> None:
     code, shown, _ = terminal.run(
@@ -128,6 +128,12 @@ def test_a_virtual_run_prints_a_report_and_writes_traces(
         assert part in shown
     lines = (tmp_path / "fig4-virtual" / "red.jsonl").read_text().splitlines()
     assert {"speed", "plate", "lead", "warning"} <= {json.loads(line)["kind"] for line in lines}
+
+    code, shown, _ = terminal.run("show", str(tmp_path / "fig4-virtual"))
+
+    page = tmp_path / "fig4-virtual" / "run.html"
+    assert (code, page.is_file()) == (0, True)
+    assert shown.endswith(f"in {page}\n")
 
 
 @pytest.fixture
