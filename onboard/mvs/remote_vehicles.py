@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,10 @@ SILENCE_S = 1.5
 
 _STAMP_ERROR_S = 0.005
 """Largest difference of the stamps of one fix in two BSMs: rounding of `sec_mark`, and clocks."""
+MAX_AHEAD_S = 2.0
+"""By which a sender's clock may be ahead, as signatures allow: nothing is received before it is
+sent, so its stamps are taken for so much earlier. Evidence of others names times in UTC, and is
+held to `CLOCK_TOLERANCE_S`."""
 _MISSED_BSMS_S = 0.25
 """Silence in which at least two BSMs in a row are missing, at 10 Hz."""
 
@@ -32,6 +36,8 @@ class RemoteVehicle:
     first_s: float
     """Stamp of its first BSM under its temporary ID."""
     acceleration_m_s2: float | None = None
+    ahead_s: float = 0.0
+    """By which its clock is ahead, as far as it is too much."""
     footers_due_at: float = -math.inf
     """When the footers accepted so far would have been due at `FOOTERS_PER_S`."""
 
@@ -71,21 +77,25 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         """
         distance_m = math.hypot(*(reported.state[:2] - own_m))
         known = self.get(sender_id)
+        ahead_s = 0.0 if known is None else known.ahead_s
+        if reported.stamp_s - ahead_s > now + (0.0 if ahead_s else CLOCK_TOLERANCE_S):
+            ahead_s = reported.stamp_s - now
+        reported = replace(reported, stamp_s=reported.stamp_s - ahead_s)
         refused = None
-        if reported.stamp_s > now + CLOCK_TOLERANCE_S:
+        if ahead_s > MAX_AHEAD_S:
             refused = "future", f"BSM of {sender_id.hex()}"
         elif not distance_m <= RADIO_RANGE_M:
             refused = "sender_far", f"{sender_id.hex()} at {distance_m:.0f} m"
         elif known is None and len(self) >= MAX_SENDERS:
             refused = "too_many_senders", sender_id.hex()
         elif known is None:
-            self[sender_id] = RemoteVehicle(reported, reported.stamp_s, acceleration_m_s2)
+            self[sender_id] = RemoteVehicle(reported, reported.stamp_s, acceleration_m_s2, ahead_s)
         elif known.reported.stamp_s > reported.stamp_s + _STAMP_ERROR_S:
             refused = "older", f"BSM of {sender_id.hex()}"
         else:
             if reported.stamp_s > known.reported.stamp_s:
                 known.reported = reported
-            known.acceleration_m_s2 = acceleration_m_s2
+            known.acceleration_m_s2, known.ahead_s = acceleration_m_s2, ahead_s
         return refused
 
     def drop_silent(self, now: float) -> None:

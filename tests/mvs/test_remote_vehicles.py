@@ -56,6 +56,22 @@ def test_a_newer_bsm_replaces_it(said_m_s2: float | None) -> None:
     assert acceleration_m_s2(mvs, NOW + 0.1) == said_m_s2
 
 
+@pytest.mark.parametrize("ahead_s", [0.0, 0.3, 1.9])
+@pytest.mark.parametrize("fixes_hz", [1, 10])
+def test_whose_clock_is_ahead_is_where_its_bsms_say(ahead_s: float, fixes_hz: int) -> None:
+    """Own clocks set by NMEA sentences are some tenths of a second behind."""
+    mvs, step_m = braking(), 5.0 / 10
+    for n in range(1, 40):
+        now = NOW + n / 10
+        of_fix = n // (10 // fixes_hz) * (10 // fixes_hz)
+        there = fix(NOW + of_fix / 10 + ahead_s, 48.0 + of_fix * step_m / 111_200.0)
+        mvs.receive_position(Position(now, 48.0, 11.0, None, 1.0, 5.0, 0.0))
+        assert mvs.receive_bsm(b"-she", there, None, now, 0.0)
+        (she,) = [each for each in mvs.kinematic_info(now) if each.name == b"-she".hex()]
+        if n >= 10:  # with the first fix that is new, it is known by how much
+            assert she.state[1] == pytest.approx(n * step_m, abs=0.1)
+
+
 def test_an_echo_of_the_own_bsm_is_not_used() -> None:
     assert not braking().receive_bsm(b"--me", fix(NOW), None, NOW)
 
