@@ -129,6 +129,7 @@ class MultiVehicleSensing(Core):
         if abs(utc_offset_s - self._utc_offset_s) > _UTC_STEP_S:
             for tracks in self._all_tracks:
                 tracks.clear()
+            self._remote_vehicles.forget_clocks()
             self._detections.forget_stamps()
             self._messages.restart()
             self._updated_ms = self._slices = self._composing = self._composed = None

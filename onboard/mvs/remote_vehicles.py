@@ -113,6 +113,11 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
             ):
                 del self[key]
 
+    def forget_clocks(self) -> None:
+        """Forget by how much their clocks are ahead, after a correction of UTC."""
+        for each in self.values():
+            each.ahead_s = 0.0
+
     def change_frame(self, turn: Array, shift: Array) -> None:
         """Map everything into another frame (`LocalFrame.mapping_from`)."""
         for each in self.values():

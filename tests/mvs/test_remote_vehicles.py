@@ -72,6 +72,15 @@ def test_whose_clock_is_ahead_is_where_its_bsms_say(ahead_s: float, fixes_hz: in
             assert she.state[1] == pytest.approx(n * step_m, abs=0.1)
 
 
+def test_when_the_own_clock_is_set_right_no_sender_is_ahead_any_more() -> None:
+    mvs = braking()
+    assert mvs.receive_bsm(SENDER, fix(NOW + 0.6), None, NOW + 0.1)
+    mvs.set_utc_offset(0.5)
+    assert mvs.receive_bsm(SENDER, fix(NOW + 0.2), None, NOW + 0.2)
+    (sender,) = mvs.kinematic_info(NOW + 0.2)
+    assert sender.age_s == pytest.approx(0.0)
+
+
 def test_an_echo_of_the_own_bsm_is_not_used() -> None:
     assert not braking().receive_bsm(b"--me", fix(NOW), None, NOW)
 
