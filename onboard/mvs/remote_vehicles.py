@@ -23,6 +23,11 @@ MAX_AHEAD_S = 2.0
 """By which a sender's clock may be ahead, as signatures allow: nothing is received before it is
 sent, so its stamps are taken for so much earlier. Evidence of others names times in UTC, and is
 held to `CLOCK_TOLERANCE_S`."""
+_SET_AHEAD_S = 0.5
+"""A stamp that is ahead by so much more than those before counts only with the next one: a single
+one is wrong."""
+_CATCHING_UP = 0.05
+"""By how many seconds a second a sender may be less ahead, as one of both clocks is slewed."""
 _MISSED_BSMS_S = 0.25
 """Silence in which at least two BSMs in a row are missing, at 10 Hz."""
 
@@ -38,6 +43,8 @@ class RemoteVehicle:
     acceleration_m_s2: float | None = None
     ahead_s: float = 0.0
     """By which its clock is ahead, as far as it is too much."""
+    is_doubtful: bool = False
+    """Whether its last stamp was ahead by `_SET_AHEAD_S` more."""
     footers_due_at: float = -math.inf
     """When the footers accepted so far would have been due at `FOOTERS_PER_S`."""
 
@@ -77,12 +84,13 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         """
         distance_m = math.hypot(*(reported.state[:2] - own_m))
         known = self.get(sender_id)
-        ahead_s = 0.0 if known is None else known.ahead_s
-        if reported.stamp_s - ahead_s > now + (0.0 if ahead_s else CLOCK_TOLERANCE_S):
-            ahead_s = reported.stamp_s - now
+        ahead_s = _ahead_s(known, reported.stamp_s, now)
         reported = replace(reported, stamp_s=reported.stamp_s - ahead_s)
         refused = None
         if ahead_s > MAX_AHEAD_S:
+            refused = "future", f"BSM of {sender_id.hex()}"
+        elif known and not known.is_doubtful and ahead_s > known.ahead_s + _SET_AHEAD_S:
+            known.is_doubtful = True
             refused = "future", f"BSM of {sender_id.hex()}"
         elif not distance_m <= RADIO_RANGE_M:
             refused = "sender_far", f"{sender_id.hex()} at {distance_m:.0f} m"
@@ -96,6 +104,7 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
             if reported.stamp_s > known.reported.stamp_s:
                 known.reported = reported
             known.acceleration_m_s2, known.ahead_s = acceleration_m_s2, ahead_s
+            known.is_doubtful = False
         return refused
 
     def drop_silent(self, now: float) -> None:
@@ -123,6 +132,16 @@ class RemoteVehicles(dict[bytes, RemoteVehicle]):
         for each in self.values():
             mapped = map_state(each.reported.state, each.reported.covariance, turn, shift)
             each.reported = ReportedState(each.reported.stamp_s, *mapped)
+
+
+def _ahead_s(known: RemoteVehicle | None, stamp_s: float, now: float) -> float:
+    """Return by how much a sender's clock is ahead, with a stamp that is received now."""
+    ahead_s = 0.0
+    if known is not None:
+        since_s = stamp_s - (known.reported.stamp_s + known.ahead_s)
+        ahead_s = max(known.ahead_s - _CATCHING_UP * max(since_s, 0.0), 0.0)
+    this_s = stamp_s - now
+    return this_s if this_s > (ahead_s or CLOCK_TOLERANCE_S) else ahead_s
 
 
 def _distance_m(earlier: ReportedState, later: ReportedState) -> float:

@@ -72,6 +72,27 @@ def test_whose_clock_is_ahead_is_where_its_bsms_say(ahead_s: float, fixes_hz: in
             assert she.state[1] == pytest.approx(n * step_m, abs=0.1)
 
 
+def test_one_stamp_that_is_ahead_makes_no_clock_ahead() -> None:
+    mvs = braking()
+    for n in range(1, 10):
+        early_s = 1.5 if n == 5 else 0.0
+        now = NOW + n / 10
+        assert mvs.receive_bsm(SENDER, fix(now + early_s), None, now) == (n != 5)
+
+    (sender,) = mvs.kinematic_info(NOW + 0.9)
+    assert sender.age_s == pytest.approx(0.0)
+
+
+def test_as_the_own_clock_catches_up_senders_are_less_ahead() -> None:
+    mvs = braking()
+    for n in range(1, 200):
+        now, ahead_s = NOW + n / 10, max(0.4 - 0.03 * n / 10, 0.0)
+        mvs.receive_position(Position(now, 48.0, 11.0, None, 1.0, 5.0, 0.0))
+        assert mvs.receive_bsm(SENDER, fix(now + ahead_s), None, now)
+        (sender,) = mvs.kinematic_info(now)
+        assert sender.age_s == pytest.approx(0.0, abs=0.02)
+
+
 def test_when_the_own_clock_is_set_right_no_sender_is_ahead_any_more() -> None:
     mvs = braking()
     assert mvs.receive_bsm(SENDER, fix(NOW + 0.6), None, NOW + 0.1)
