@@ -34,6 +34,9 @@ YAW_RATE_VALID_S = 0.5
 """Of a yaw rate that shows a turn."""
 POSITION_VALID_S = 1.6
 """Of a position that is sent: receivers at 1 Hz deliver late. `sec_mark` is the time of the fix."""
+PLACE_VALID_S = 10.0
+"""Of a fix by which messages for elsewhere are refused: a car drives some 500 m in it. A tunnel may
+lead into another area."""
 PREDICTED_POSITION_VALID_S = 1.5
 """Of a fix that a position is predicted from, or that the speed on the bus is compared with."""
 HOST_WINDOW_S = 0.5

@@ -40,7 +40,7 @@ class RadioFraming(Protocol):
     def read(self, frame: bytes) -> WaveShortMessage:
         """Return service and 1609.2 data. Raises `DecodeError`."""
 
-    def payload_in(self, signed_part: bytes) -> bytes:
+    def payload_in(self, signed_part: bytes, now: float) -> bytes:
         """Return the message in what was signed, if it is for here. Raises `DecodeError`."""
 
     def sender_of(self, message: WaveShortMessage) -> bytes | None:
@@ -80,7 +80,7 @@ class WaveFraming(RadioFraming):
         return wsmp.decode(frame)
 
     @override
-    def payload_in(self, signed_part: bytes) -> bytes:
+    def payload_in(self, signed_part: bytes, now: float) -> bytes:
         return signed_part
 
     @override

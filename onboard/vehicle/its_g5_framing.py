@@ -19,6 +19,7 @@ from onboard.observations import Position
 from onboard.security import ieee1609dot2
 from onboard.security.ieee1609dot2 import Location
 from onboard.security.pseudonyms import Pseudonym
+from onboard.sensors.host_state import PLACE_VALID_S
 from onboard.vehicle.framing import RadioFraming
 from onboard.wave_udp import psid
 from onboard.wave_udp.wsmp import WaveShortMessage
@@ -118,10 +119,10 @@ class ItsG5Framing(RadioFraming):
         )
 
     @override
-    def payload_in(self, signed_part: bytes) -> bytes:
+    def payload_in(self, signed_part: bytes, now: float) -> bytes:
         received, fix = packet.decode(signed_part), self._position()
         area = received.area
-        if area is not None and fix is not None:
+        if area is not None and fix is not None and now - fix.stamp_s <= PLACE_VALID_S:
             here = fix.latitude_deg, fix.longitude_deg
             if not is_within(area, received.shape, *here):
                 raise DecodeError("outside_area", f"{area.distance_a_m} m")

@@ -55,7 +55,7 @@ class LccaLink:
         psid: int,
         credentials: Credentials | None,
         digest: PlateDigest,
-        payload_in: Callable[[bytes], bytes] = bytes,
+        payload_in: Callable[[bytes, float], bytes] = lambda signed_part, _now: signed_part,
     ) -> None:
         """Start without statements.
 
@@ -64,7 +64,7 @@ class LccaLink:
             psid: of the messages.
             credentials: the own ones; proofs are asked for if they commit to IDs.
             digest: knows when epochs begin.
-            payload_in: returns the message in what was signed, which is that itself by default.
+            payload_in: returns the message in what was signed, given the time; all by default.
         """
         self._security = security
         self._psid = psid
@@ -124,11 +124,11 @@ class LccaLink:
 
     def _verified(self, origin: bytes, copy: Warn, now: float) -> _Statement:
         """Return what the braking vehicle signed, verified only if the copy states the same."""
-        if not self._states(ieee1609dot2.payload_in(origin) or b"", copy):
+        if not self._states(ieee1609dot2.payload_in(origin) or b"", copy, now):
             raise RefusalError("unproved_origin")
         try:
             opened = self._security.open(origin, self._psid, now, is_repeated=True)
-            stated = lcca.decode(self._payload_in(opened.payload))
+            stated = lcca.decode(self._payload_in(opened.payload, now))
         except NotTrusted as refusal:
             is_own = refusal.reason is RejectionReason.OWN_ECHO
             raise RefusalError("own_echo" if is_own else "unproved_origin") from refusal
@@ -140,10 +140,10 @@ class LccaLink:
             raise RefusalError("unproved_origin")
         return self._keep(_Statement(stated.message, opened))
 
-    def _states(self, signed_part: bytes, copy: Warn) -> bool:
+    def _states(self, signed_part: bytes, copy: Warn, now: float) -> bool:
         """Whether this is the warning of the braking vehicle that a copy is of."""
         try:
-            origin = lcca.decode(self._payload_in(signed_part)).message
+            origin = lcca.decode(self._payload_in(signed_part, now)).message
         except DecodeError:
             return False
         return isinstance(origin, Warn) and origin.is_direct and _key(origin) == _key(copy)

@@ -40,6 +40,7 @@ from onboard.security.pseudonyms import CertificateExpired, FreshEntropy, Pseudo
 from onboard.security.region import TwoDLocation
 from onboard.security.rejection import RejectionReason
 from onboard.security.security_services import Opened, SecurityServices
+from onboard.sensors.host_state import PLACE_VALID_S
 from onboard.step import (
     BrakeButton,
     Input,
@@ -270,7 +271,7 @@ class Stack:
         if received is None:
             return
         service, opened, data = received
-        if service not in psid.AWARENESS and not opened.is_valid_at(self._own_place()):
+        if service not in psid.AWARENESS and not opened.is_valid_at(self._own_place(now)):
             self._discard_outside_region(opened, now)
             return
         is_lcca = service == self._config.lcca_psid
@@ -287,7 +288,7 @@ class Stack:
             self._vehicle.put_out(Discarded(now, component, error.reason, error.detail))
             return
         if isinstance(message, BasicSafetyMessage) and not opened.is_valid_at(
-            _place_in(message) or self._own_place()
+            _place_in(message) or self._own_place(now)
         ):
             self._discard_outside_region(opened, now)
             return
@@ -313,7 +314,7 @@ class Stack:
 
     def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
         try:
-            message, stated = self._lcca_link.receive_pdu(pdu, opened, self._own_place(), now)
+            message, stated = self._lcca_link.receive_pdu(pdu, opened, self._own_place(now), now)
         except RefusalError as refusal:
             detail = f"{pdu.message.kind} from {pdu.message.sender_id.hex()}"
             self._vehicle.put_out(Discarded(now, "lcca", str(refusal), detail))
@@ -326,9 +327,9 @@ class Stack:
         reason, signer = RejectionReason.OUTSIDE_REGION, opened.signer_id or b""
         self._vehicle.put_out(Discarded(now, "security", reason, f"from {signer.hex()}"))
 
-    def _own_place(self) -> TwoDLocation | None:
-        """Return where the vehicle was last known to be."""
-        fix = self._last_fix()
+    def _own_place(self, now: float) -> TwoDLocation | None:
+        """Return where the vehicle is, as far as that is known."""
+        fix = self._vehicle.host.position(now, PLACE_VALID_S)
         return None if fix is None else TwoDLocation(fix.latitude_deg, fix.longitude_deg)
 
     def _last_fix(self) -> Position | None:

@@ -96,7 +96,7 @@ class WaveLink(Core):
                 return None
             if wsm.psid in self._psids:
                 opened = self._security.open(wsm.payload, wsm.psid, now)
-                return wsm.psid, opened, self._framing.payload_in(opened.payload)
+                return wsm.psid, opened, self._framing.payload_in(opened.payload, now)
             self._discard("unknown_psid", f"0x{wsm.psid:X}", now)
         except DecodeError as error:
             self._discard(error.reason, error.detail, now)

@@ -200,10 +200,11 @@ def test_two_cams_a_second_have_the_path_and_the_lights() -> None:
     assert len(last.value.path) >= 1
 
 
-def receives(frame: bytes) -> list[tuple[str, str]]:
+def receives(frame: bytes, fix_age_s: float = 0.0) -> list[tuple[str, str]]:
     """Component and reason of what a vehicle with a fix discards of a frame."""
-    fix = Position(0.1, 25.0331, 121.5654, None, 0.5, 10.0, 0.0)
-    events = its_car("AAA1").step((fix, ReceivedWsm(0.1, frame)), 0.1).events
+    car, now = its_car("AAA1"), 0.1 + fix_age_s
+    car.step((Position(0.1, 25.0331, 121.5654, None, 0.5, 10.0, 0.0),), 0.1)
+    events = car.step((ReceivedWsm(now, frame),), now).events
     records = map(as_trace_record, events)
     return [(each["component"], each["reason"]) for each in records if each["kind"] == "discarded"]
 
@@ -237,6 +238,15 @@ def test_an_event_is_for_who_is_in_its_area_and_brakes_once() -> None:
     assert receives(to(Area(25.0330, 121.5654, 500))) == []
     assert receives(to(Area(25.1330, 121.5654, 500))) == [("geonetworking", "outside_area")]
     assert receives(framed(data[:9], port=2002)) == [("denm", "too_short")]
+
+
+def test_at_the_end_of_a_tunnel_an_event_there_is_not_judged_by_the_fix_before_it() -> None:
+    (report,) = EventReports().messages(bsm(brakes=True), 0.1, UTC_S + 0.1)
+    area = Area(25.0630, 121.5654, 500)
+    content = packet.encode(packet.GeoPacket(2002, denm.encode(report), SOURCE, 0, 10, area))
+    frame = packet.with_basic_header(content, is_secured=False, hops=9)
+    assert ("geonetworking", "outside_area") in receives(frame, 5.0)
+    assert ("geonetworking", "outside_area") not in receives(frame, 60.0)
 
 
 def test_a_denm_is_generated_where_the_vehicle_is_and_not_where_its_last_fix_was() -> None:

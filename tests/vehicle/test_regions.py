@@ -5,6 +5,7 @@ import pytest
 from onboard.observations import Discarded
 from onboard.security.credentials import Credentials
 from onboard.security.region import CircularRegion, TwoDLocation
+from onboard.step import ReceivedWsm
 from onboard.tools.test_ca.authority import make_pseudonyms
 from sim_rig.studies.attacks.attack_world import ORIGIN, SPEED_M_S, STEP_S, AttackedHost, Signer
 from tests.security.trial import ALICE, BSM, ISSUING, LCCA, UTC_S, VALID, new_key
@@ -32,3 +33,13 @@ def test_a_message_without_a_place_is_judged_by_the_place_of_the_receiver() -> N
     reasons = [each.reason for each in host.events if isinstance(each, Discarded)]
     inside = sum(SPEED_M_S * STEP_S * step <= 100.0 for step in range(1, 101))
     assert reasons == ["too_short"] * inside + ["outside_region"] * (100 - inside)
+
+
+def test_where_the_receiver_is_a_minute_after_its_last_fix_is_not_known() -> None:
+    host, sender = AttackedHost(ALICE, UTC_S), Signer(credentials(100), UTC_S)
+    host.drive(8.0)
+    for fix_age_s, reason in ((5.0, "outside_region"), (60.0, "too_short")):
+        now = host.now + fix_age_s
+        received = ReceivedWsm(now, sender.signed(b"?", LCCA, now))
+        events = host.stack.step([received], now).events
+        assert reason in [each.reason for each in events if isinstance(each, Discarded)]

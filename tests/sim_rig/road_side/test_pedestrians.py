@@ -58,7 +58,7 @@ def test_a_device_sends_place_and_motion_ten_times_a_second(profile: RadioProfil
             assert (each.sender, frame.psid) == ("pia", service)
             assert ieee1609dot2.is_signed(frame.payload)
             opened = security.open(frame.payload, service, at)
-            data = framing.payload_in(opened.payload)
+            data = framing.payload_in(opened.payload, at)
             bsm = (
                 bsm_of_vam(vam.decode(data), UTC_S + at) if is_its else bsm_of_psm(psm.decode(data))
             )
