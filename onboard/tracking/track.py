@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from heapq import nlargest
 
 from onboard.tracking.evidence import (
     Estimate,
@@ -20,6 +21,8 @@ MAX_EVIDENCE = 128
 """Pieces of evidence that a track keeps; bounds computing time."""
 MAX_ESTIMATES = 48
 """Estimates among them."""
+MAX_SETTLED = 256
+"""Settled pieces besides, for the same reason: the oldest of more say least of the present."""
 
 _MAX_BITS = 512
 _SAME_POSITION_M = 0.1
@@ -141,6 +144,9 @@ class Track:
             self._has_changed = True
         if old := [label for label, at_ms in self.labels.items() if at_ms <= before_ms]:
             self.remove_labels(old)
+        if len(self.settled) > MAX_SETTLED:
+            self.settled = nlargest(MAX_SETTLED, self.settled, key=stamp_ms_of)
+            self._has_changed = True
         if len(self.evidence) > min(MAX_ESTIMATES, MAX_EVIDENCE):
             estimates = [p for p, stored in self.evidence.items() if not stored.is_measurement]
             self._drop(estimates[: max(0, len(estimates) - MAX_ESTIMATES)])

@@ -29,6 +29,7 @@ from onboard.mvs.multi_vehicle_sensing import (
 from onboard.observations import Position, VehicleDetection
 from onboard.tracking.evidence import Estimate, Measurement, measurement_id, observer_of
 from onboard.tracking.fusion import propagate
+from onboard.tracking.track import MAX_EVIDENCE, MAX_SETTLED
 from onboard.tracking.tracks import DEFAULTS, MAX_TRACKS_PER_SENDER
 from tests.mvs.attacker import (
     ATTACKER,
@@ -400,6 +401,22 @@ def test_pairs_that_leave_all_open_cost_no_more_than_their_number() -> None:
 
     calls = sum(each.callcount for each in profile.getstats())
     assert calls < 20_000
+
+
+def test_a_thousand_invented_measurements_a_second_of_one_car_take_bounded_time() -> None:
+    """900 pieces of evidence took 60 ms of each tick, for as long as they came."""
+    mvs = victim()
+    for k in range(8):
+        at = NOW + 0.05 * k
+        observers = tuple(bytes([k, i, 0, 0]) for i in range(16))
+        invented = tuple(
+            SharedMeasurement(i % 16, i, 650 + i // 16, 0, 20.0, 60.0, 0.5, 0.5, 0.0)
+            for i in range(64)
+        )
+        say(mvs, MvsFooter(round(at * 1000), 48.1, 11.5, observers, invented, ()), at)
+
+    (track,) = mvs._tracks
+    assert len(track.chosen) <= MAX_SETTLED + MAX_EVIDENCE
 
 
 def test_an_observer_corrects_what_others_repeat_of_its_measurement() -> None:
