@@ -21,7 +21,7 @@ from onboard.lcca.own_braking import OwnBraking
 from onboard.lcca.parameters import GroupParameters
 from onboard.lcca.refused_warnings import RefusedWarnings
 from onboard.lcca.transitions import GroupState
-from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Join, Warn
+from onboard.messages.lcca import NO_ID, CarId, GroupMessage, Join, Warn, WarnCause
 from onboard.observations import Discarded, HardBrake
 
 WarningEvents = WarningRaised | WarningLevel | WarningOver | Discarded
@@ -133,14 +133,17 @@ class GroupWarnings:
         return refusal
 
     def judge_again(self, state: GroupState, now: float) -> Iterator[WarningEvents]:
-        """Accept those warnings of the group just joined that were received before."""
-        for refused in self._refused.take(now):
+        """Accept those warnings of the group just joined that were received before.
+
+        Ends come first: what a vehicle has repeated of a braking that is over is outdated.
+        """
+        for refused in sorted(self._refused.take(now), key=_is_of_braking):
             warn = self._adjacent_ids.translated(refused, now)
-            if self._acceptance(warn, state) is None:
+            if self._acceptance(warn, state) is not None:
+                self._refused.receive_warn(warn, now)
+            elif not self._active.is_outdated(warn):
                 yield from self._accept(warn, now)
                 self._forwarding.receive_late(warn, self._distance(warn), now)
-            else:
-                self._refused.receive_warn(warn, now)
 
     def _acceptance(self, warn: Warn, state: GroupState) -> str | None:
         return warn_refusal(
@@ -227,3 +230,7 @@ class GroupWarnings:
         return min(
             self._forwarding.get_timer(), self._own_braking.get_timer(), self._active.get_timer()
         )
+
+
+def _is_of_braking(warn: Warn) -> bool:
+    return warn.cause is not WarnCause.OVER

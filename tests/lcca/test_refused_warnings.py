@@ -7,10 +7,11 @@ import pytest
 from onboard.lcca.refused_warnings import MAX_WARNINGS, RefusedWarnings
 from onboard.lcca.transitions import GroupState
 from onboard.messages.lcca import Warn, WarnCause
+from tests.lcca.one_car import OneCar, answer
 from tests.lcca.road import Air, Road, car_id
 from tests.lcca.rows import warned
 
-A = car_id("A")
+A, B, C, D = map(car_id, "ABCD")
 
 
 def test_a_warning_received_before_joining_is_judged_again_on_joining() -> None:
@@ -57,6 +58,18 @@ def test_a_warning_of_the_lane_that_was_left_is_not_passed_on() -> None:
     road.run(1.0)
     assert late.group.state is GroupState.MEMBER
     assert late.warnings == []
+
+
+@pytest.mark.parametrize("is_end_first", [True, False])
+def test_a_braking_that_was_over_before_joining_is_not_warned_of(*, is_end_first: bool) -> None:
+    # D has repeated the braking, and not its end, which goes from each vehicle to the next.
+    begin = Warn(D, A, 4, A, 5, 0, 1, 5, WarnCause.DECELERATION, 6.0, 0.5, 3)
+    end = Warn(B, A, 2, A, 6, 0, 1, 5, WarnCause.OVER, 0.0, 0.0, 2)
+    joining = OneCar(own_id=C)
+    for each in (end, begin) if is_end_first else (begin, end):
+        assert joining.hears(each, 0.0) == ["not_in_group"]
+    joining.sees(B, 0.1)
+    assert joining.hears(answer(joining.asks(0.1), number=2), 0.1) == ["joined"]
 
 
 def test_warnings_received_before_joining_are_of_bounded_number_and_age() -> None:
