@@ -262,6 +262,9 @@ class Stack:
                 self._vehicle.receive_observation(test, now)
             case ProgramMessage(service=service, user_priority=priority, data=data):
                 self._link.submit(data, service, priority, PROGRAM_LIFETIME_S, now)
+            case SensorRecovered(sensor=Sensor.RADIO) if self._is_clock_wrong:
+                self._vehicle.receive_observation(received, now)
+                self._report_wrong_clock(now)  # the unit is reached, and no one else
             case _:
                 self._vehicle.receive_observation(received, now)
 
@@ -305,12 +308,14 @@ class Stack:
         if is_wrong == self._is_clock_wrong:
             return
         self._is_clock_wrong = is_wrong
-        report = (
-            SensorLost(now, Sensor.RADIO, None, "clock_wrong")
-            if is_wrong
-            else SensorRecovered(now, Sensor.RADIO)
-        )
-        self._vehicle.receive_observation(report, now)
+        if is_wrong:
+            self._report_wrong_clock(now)
+        else:
+            self._vehicle.receive_observation(SensorRecovered(now, Sensor.RADIO), now)
+
+    def _report_wrong_clock(self, now: float) -> None:
+        loss = SensorLost(now, Sensor.RADIO, None, "clock_wrong")
+        self._vehicle.receive_observation(loss, now)
 
     def _receive_lcca(self, pdu: LccaPdu, opened: Opened, now: float) -> None:
         try:

@@ -3,9 +3,10 @@
 import pytest
 
 from onboard.lcca.events import WarningRaised
-from onboard.observations import HardBrake
+from onboard.observations import HardBrake, Sensor, SensorLost, SensorRecovered
 from onboard.tools.test_ca.authority import make_pseudonyms
-from tests.security.trial import BSM, ISSUING, LCCA, UTC_S, VALID, new_key
+from sim_rig.studies.attacks.attack_world import AttackedHost, Signer
+from tests.security.trial import ALICE, BSM, ISSUING, LCCA, UTC_S, VALID, new_key
 from tests.typed import every
 from tests.vehicle.platoon import Platoon, car
 
@@ -64,3 +65,18 @@ def test_while_ids_change_by_clocks_two_seconds_apart_all_are_warned_at_once(
     platoon.drive(3.0)
     after = [len(list(platoon.events_of(plate, "transition"))) for plate in platoon.cars]
     assert after == before
+
+
+def test_a_unit_that_is_reached_again_does_not_hide_that_the_clock_is_wrong() -> None:
+    radio = {"endpoint": "iwcu", "listen_port": 2001, "unit_port": 2002}
+    host = AttackedHost(ALICE, UTC_S, radio=radio)
+    others = [
+        Signer(make_pseudonyms(ISSUING, 1, {BSM, LCCA}, new_key=new_key, **VALID), UTC_S - 100.0)
+        for _ in range(2)
+    ]
+    host.stack.step([SensorLost(0.0, Sensor.RADIO, None, "unreachable")], 0.0)
+    host.drive(0.5, *[lambda now, each=each: [each.signed(b"?", LCCA, now)] for each in others])
+    events = host.stack.step([SensorRecovered(1.0, Sensor.RADIO)], 1.0).events
+    radio_states = [each for each in events if isinstance(each, SensorLost | SensorRecovered)]
+    assert isinstance(radio_states[-1], SensorLost)
+    assert radio_states[-1].reason == "clock_wrong"
