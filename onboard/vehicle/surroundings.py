@@ -73,11 +73,11 @@ class Surroundings:
         """
         if self._next_at <= self._assess_at:
             self._next_at = now + ASSESSMENT_INTERVAL_S
-        if self._slices is None:
-            if not self._mvs.update_slice(now):
-                return ()
-            self._slices = self._assess_in_slices(now)
         try:
+            if self._slices is None:
+                if not self._mvs.update_slice(now):
+                    return ()
+                self._slices = self._assess_in_slices(now)
             next(self._slices)
             while len(self.objects) <= OBJECTS_AT_ONCE:
                 next(self._slices)
@@ -85,6 +85,9 @@ class Surroundings:
             self._slices, self._assess_at = None, self._next_at
             to_report: Sequence[PerceivedObject] = end.value
             return to_report
+        except Exception:  # a defect: until the next assessment all else has its turns
+            self._slices, self._assess_at = None, self._next_at
+            raise
         return ()
 
     def _assess_in_slices(self, now: float) -> Generator[None, None, Sequence[PerceivedObject]]:

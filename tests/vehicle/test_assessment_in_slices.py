@@ -4,6 +4,7 @@ import pytest
 
 from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData, PositionalAccuracy
+from onboard.mvs.multi_vehicle_sensing import MultiVehicleSensing
 from onboard.observations import Position, Speed
 from onboard.risk.alarm import Alarm, Level
 from onboard.risk.fcw import FCW
@@ -84,3 +85,19 @@ def test_what_is_received_between_two_slices_belongs_to_the_next_assessment() ->
 
     assert len(objects) == OBJECTS_AT_ONCE + 8
     assert of.surroundings == (host, objects)
+
+
+def test_what_fails_in_an_assessment_keeps_nothing_else_from_its_turn_before_the_next_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    of = vehicle("AAA1")
+    receive(of, 0.01, 1)
+    with monkeypatch.context() as broken:
+        broken.setattr(MultiVehicleSensing, "kinematic_info_in_slices", lambda *_: 1 // 0)
+        with pytest.raises(ZeroDivisionError):
+            of.handle_timer(0.01)
+        of.handle_timer(0.02)
+    receive(of, 0.12, 1)
+    of.handle_timer(0.12)
+    _, others = of.surroundings
+    assert len(others) == 1
