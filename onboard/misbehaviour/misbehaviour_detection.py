@@ -39,6 +39,11 @@ MIN_SPAN_S = 0.3
 SENDER_TIMEOUT_S = 60.0
 """Silence after which a sender's earlier messages are dropped."""
 
+MAX_IDS, ID_KEPT_S = 8, 5.0
+"""Temporary IDs of one signer in this time: a vehicle changes its ID every few minutes, a road-side
+unit may speak for a few persons. Otherwise one certificate is hundreds of vehicles, and the table
+of these (`onboard.mvs.footer_validation.MAX_SENDERS`) has no room for a true one."""
+
 _MAX_SENDERS = 512
 _MAX_SPEEDS = 32
 """Speeds kept of one sender: three seconds of BSMs."""
@@ -52,6 +57,8 @@ class Misbehaviour(StrEnum):
     POSITION = "implausible_position"
     BRAKE = "implausible_brake"
     """Hard braking that the sender's own speeds contradict."""
+    IDENTITY = "implausible_identity"
+    """One of too many temporary IDs of its signer."""
 
 
 @dataclass(slots=True)
@@ -61,6 +68,18 @@ class _Sender:
     )
     """(received_at_s, stamp_s, speed_m_s)."""
     last: tuple[float, CoreData] | None = None
+    ids_used_at: dict[bytes, float] = field(default_factory=dict)
+    """Of its temporary IDs, when each was used last."""
+
+    def may_use(self, temporary_id: bytes, now: float) -> bool:
+        """Take a temporary ID at `now`; return whether the sender has not too many."""
+        if temporary_id not in self.ids_used_at:
+            used_at = self.ids_used_at.items()
+            self.ids_used_at = {each: at for each, at in used_at if now - at < ID_KEPT_S}
+        is_one_of_few = temporary_id in self.ids_used_at or len(self.ids_used_at) < MAX_IDS
+        if is_one_of_few:
+            self.ids_used_at[temporary_id] = now
+        return is_one_of_few
 
 
 class MisbehaviourDetector:
@@ -100,6 +119,8 @@ class MisbehaviourDetector:
         self._senders.move_to_end(sender)
         if len(self._senders) > _MAX_SENDERS:
             self._senders.popitem(last=False)
+        if not known.may_use(core.temporary_id, now):
+            return Misbehaviour.IDENTITY
         violation = _compare(known.last, core, stamp_s)
         is_out_of_order = known.last is not None and stamp_s < known.last[0]
         if not is_out_of_order:

@@ -11,6 +11,8 @@ from onboard.messages.bsm import BasicSafetyMessage
 from onboard.messages.bsm_core import CoreData
 from onboard.messages.bsm_safety import VehicleEventFlags, VehicleSafetyExtensions
 from onboard.misbehaviour.misbehaviour_detection import (
+    ID_KEPT_S,
+    MAX_IDS,
     SENDER_TIMEOUT_S,
     Misbehaviour,
     MisbehaviourDetector,
@@ -148,6 +150,28 @@ def test_two_senders_with_one_temporary_id_are_two_vehicles() -> None:
     assert second not in (b"abcd", detector.remote_id(b"three", b"abcd"))
     assert detector.remote_id(b"one", b"abcd") == b"abcd"
     assert detector.remote_id(b"two", b"abcd") == second
+
+
+def _named(temporary_id: bytes) -> BasicSafetyMessage:
+    return BasicSafetyMessage(replace(CORE, temporary_id=temporary_id, speed_m_s=0.0))
+
+
+def test_one_signer_is_not_hundreds_of_vehicles() -> None:
+    """With 400 IDs a second, one certificate filled the table of vehicles: others were silenced."""
+    detector = MisbehaviourDetector()
+    ids = [bytes((0, 0, 1, number)) for number in range(200)]
+    found = [
+        detector.receive_bsm(b"evil", _named(each), 0.01 * number, 0.01 * number)
+        for number, each in enumerate(ids)
+    ]
+    assert found == [None] * MAX_IDS + [Misbehaviour.IDENTITY] * (200 - MAX_IDS)
+
+
+def test_a_signer_may_change_its_temporary_id_again_and_again() -> None:
+    detector = MisbehaviourDetector()
+    for change in range(3 * MAX_IDS):
+        at = change * ID_KEPT_S / MAX_IDS
+        assert detector.receive_bsm(b"car", _named(bytes((0, 0, 2, change))), at, at) is None
 
 
 def test_implausible_speeds_do_not_confirm_braking() -> None:
