@@ -71,7 +71,7 @@ class _Sender:
     ids_used_at: dict[bytes, float] = field(default_factory=dict)
     """Of its temporary IDs, when each was used last."""
 
-    def may_use(self, temporary_id: bytes, now: float) -> bool:
+    def receive_id(self, temporary_id: bytes, now: float) -> bool:
         """Take a temporary ID at `now`; return whether the sender has not too many."""
         if temporary_id not in self.ids_used_at:
             used_at = self.ids_used_at.items()
@@ -119,7 +119,7 @@ class MisbehaviourDetector:
         self._senders.move_to_end(sender)
         if len(self._senders) > _MAX_SENDERS:
             self._senders.popitem(last=False)
-        if not known.may_use(core.temporary_id, now):
+        if not known.receive_id(core.temporary_id, now):
             return Misbehaviour.IDENTITY
         violation = _compare(known.last, core, stamp_s)
         is_out_of_order = known.last is not None and stamp_s < known.last[0]
