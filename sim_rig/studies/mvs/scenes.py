@@ -48,7 +48,7 @@ class SceneName(StrEnum):
     SUMO_CROSSING = "sumo-crossing"
     """The same from SUMO."""
     SUMO_GRID = "sumo-grid"
-    """Nine signalled crossings at oblique angles, some 110 cars, from SUMO; without buildings."""
+    """Nine signalled crossings at oblique angles, some 130 cars, from SUMO; without buildings."""
     CITY = "city"
     """Sparse: the paper's city trace, driven as cars can (`roads/retimed.py`, `following.py`)."""
     CITY_TRACE = "city-trace"

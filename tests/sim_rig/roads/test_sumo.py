@@ -89,6 +89,15 @@ def test_the_crossings_of_the_grid_are_oblique() -> None:
     assert len(directions_deg) >= 6
 
 
+@pytest.mark.long
+def test_the_roads_of_the_grid_cross_at_junctions_only() -> None:
+    """Elsewhere SUMO's cars would drive through each other."""
+    with SumoTraffic(NETWORKS / "grid.sumocfg", seed=0) as traffic:
+        steps = [traffic.cars_at(0.5 * step) for step in range(120, 400)]
+
+    assert [pair for cars in steps for pair in boxes_overlap(cars)] == []
+
+
 @pytest.mark.parametrize("kind", list(TrafficEventKind))
 def test_things_go_wrong_and_warned_drivers_react(
     crossing: RecordedTraffic, kind: TrafficEventKind
